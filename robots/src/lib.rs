@@ -56,6 +56,7 @@ mod postures;
 mod profile;
 mod source;
 mod srdf;
+mod terrain;
 mod twist;
 mod urdf;
 mod world;
@@ -88,6 +89,7 @@ pub use profile::{
 };
 pub use source::{RobotSource, RobotSourceError};
 pub use srdf::{Srdf, SrdfError};
+pub use terrain::{HeightField, NearTriangle, Terrain, TerrainError, TerrainLayer};
 pub use twist::{Reference, Twist};
 pub use urdf::{
     MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ConvexShape, Geometry};
+use crate::{ConvexShape, Geometry, HeightField, Terrain, TerrainError};
 
 /// Gravity, a ground and simple objects. Lengths in metres, angles in radians, masses in kilograms; poses in the
 /// world, which is the base frame of the robot, z up.
@@ -15,6 +15,8 @@ pub struct World {
     pub gravity: [f64; 3],
     /// A horizontal plane. Default: no ground.
     pub ground: Option<Ground>,
+    /// An uneven ground, instead of the plane.
+    pub terrain: Option<Terrain>,
     /// Objects, fixed or free to move. Names must differ.
     pub objects: Vec<Object>,
 }
@@ -22,7 +24,7 @@ pub struct World {
 impl Default for World {
     /// Earth's gravity, no ground, no objects.
     fn default() -> Self {
-        Self { gravity: [0.0, 0.0, -9.81], ground: None, objects: Vec::new() }
+        Self { gravity: [0.0, 0.0, -9.81], ground: None, terrain: None, objects: Vec::new() }
     }
 }
 
@@ -50,7 +52,7 @@ impl Default for Ground {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Object {
-    /// Name, unique in the world; neither `ground` nor that of a robot link.
+    /// Name, unique in the world; neither `ground` nor `terrain` nor that of a robot link.
     pub name: String,
     /// Its shape, centred on its origin, of uniform density.
     pub shape: ObjectShape,
@@ -173,6 +175,14 @@ pub enum WorldError {
         /// The range expected.
         expected: &'static str,
     },
+    /// A terrain that cannot be made.
+    #[error("terrain: {0}")]
+    Terrain(#[from] TerrainError),
+    /// A plane and a terrain.
+    #[error(
+        "both `ground` and `terrain` are given, but there is one ground: a terrain goes on as at its edge; leave `ground` out"
+    )]
+    TwoGrounds,
     /// Two objects with one name, or a name that is already taken.
     #[error("the object name \"{name}\" is taken by {by}; give the object another name")]
     NameTaken {
@@ -184,6 +194,15 @@ pub enum WorldError {
 }
 
 impl World {
+    /// The height field of its terrain, where it has one.
+    ///
+    /// # Errors
+    ///
+    /// [`TerrainError`].
+    pub fn height_field(&self) -> Result<Option<HeightField>, TerrainError> {
+        self.terrain.as_ref().map(Terrain::height_field).transpose()
+    }
+
     /// Checks every value and name; `links` are the names the robot already uses.
     ///
     /// # Errors
@@ -197,11 +216,18 @@ impl World {
             finite("ground", "height", ground.height)?;
             surface("ground", ground.friction, ground.restitution)?;
         }
+        if self.ground.is_some() && self.terrain.is_some() {
+            return Err(WorldError::TwoGrounds);
+        }
+        self.height_field()?;
         for (index, object) in self.objects.iter().enumerate() {
             let name = object.name.as_str();
             let taken = |by| Err(WorldError::NameTaken { name: name.to_owned(), by });
             if name == "ground" {
                 return taken("the ground plane");
+            }
+            if name == "terrain" {
+                return taken("the terrain");
             }
             if links.clone().any(|link| link == name) {
                 return taken("a link of the robot");

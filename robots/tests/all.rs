@@ -28,6 +28,7 @@ mod properties;
 mod rays;
 mod solids;
 mod standing;
+mod terrain;
 mod urdf_faults;
 mod urdf_reading;
 

@@ -20,6 +20,9 @@ pub enum BuildError {
         /// The robot.
         robot: String,
     },
+    /// A terrain with the rapier engine.
+    #[error("the rapier engine simulates no terrain; use `physics.articulated` (`ArticulatedSimulator`)")]
+    Terrain,
     /// The initial state has a mistake.
     #[error("initial state: {0}")]
     State(#[from] ResetError),

@@ -35,7 +35,7 @@ pub use component::{
 };
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
-pub use motorium_robots::{Ground, Object, ObjectShape, World, WorldError};
+pub use motorium_robots::{Ground, Object, ObjectShape, Terrain, TerrainLayer, World, WorldError};
 pub use options::Options;
 pub use rapier::{Enclose, Rapier, RapierSimulator};
 pub use robot::{Robot, RobotSetup};

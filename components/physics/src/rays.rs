@@ -12,7 +12,9 @@ pub(crate) struct Rays(Vec<RayShape>);
 
 impl Rays {
     pub(crate) fn new(colliders: &Colliders) -> Self {
-        Self(colliders.colliders.iter().map(|collider| RayShape::new(&collider.shape)).collect())
+        let solids = &colliders.colliders[..colliders.model.solid_count()];
+        let shapes = solids.iter().map(|collider| RayShape::new(&collider.shape));
+        Self(shapes.chain(colliders.terrain.clone().map(RayShape::of_terrain)).collect())
     }
 
     /// The first surface that a ray meets within `range` \[m\], as the robot stands and objects are at `object_pose`, by

@@ -21,9 +21,9 @@ impl ObjectId {
 /// One point where two surfaces touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact<'a> {
-    /// Robot link, object, or `"ground"`.
+    /// Robot link, object, `"ground"` or `"terrain"`.
     pub first: &'a str,
-    /// Robot link, object, or `"ground"`.
+    /// Robot link, object, `"ground"` or `"terrain"`.
     pub second: &'a str,
     /// The point, in the world \[m\].
     pub point: Point3<f64>,
@@ -40,7 +40,7 @@ pub struct Contact<'a> {
 /// The first point of something that a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit<'a> {
-    /// Robot link, object, or `"ground"`.
+    /// Robot link, object, `"ground"` or `"terrain"`.
     pub name: &'a str,
     /// Distance from the start of the ray \[m\].
     pub distance: f64,

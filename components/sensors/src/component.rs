@@ -177,5 +177,6 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<rays::AlongRays<rays::RaySensor>>(),
         Kind::of::<rays::AlongRays<rays::Lidar>>(),
         Kind::of::<rays::AlongRays<rays::HeightScanSensor>>(),
+        Kind::of::<rays::AlongRays<rays::DepthCamera>>(),
     ]
 }

@@ -9,7 +9,8 @@
 //! - [`noise`]: reproducible Gaussian noise.
 //! - [`estimation`]: filters, the base of a legged robot, the Riccati equation.
 //! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.imu`, `sensor.contact`,
-//!   `sensor.altimeter`, `sensor.magnetometer`, `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`.
+//!   `sensor.altimeter`, `sensor.magnetometer`, `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`,
+//!   `sensor.depth_camera`.
 //! - [`component::estimator`]: `estimator.base`, the state of a legged base.
 //! - [`component::merge`]: `joint.merge`, the joint state of a robot from several writers.
 //!

@@ -118,3 +118,51 @@ pub fn azimuths(field_of_view: f64, count: usize) -> impl Iterator<Item = f64> {
     };
     (0..count).map(move |index| start + step * index as f64)
 }
+
+/// A camera without distortion that looks along x: columns to the right, which is along -y, rows down, which is along -z.
+///
+/// ```
+/// use motorium_sensors::ranging::Pinhole;
+///
+/// let camera = Pinhole::new(160, 120, std::f64::consts::FRAC_PI_2);
+/// assert!((camera.focal_length - 80.0).abs() < 1e-9);
+/// let first = camera.directions().next().unwrap();
+/// assert!(first.y > 0.0 && first.z > 0.0, "the top left corner");
+/// assert_eq!(camera.directions().count(), 160 * 120);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pinhole {
+    /// Pixels of a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Focal length, pixels.
+    pub focal_length: f64,
+    /// The point on the optical axis, in pixels from the middle of the top left one.
+    pub principal_point: [f64; 2],
+}
+
+impl Pinhole {
+    /// A camera with an angle of `field_of_view` \[rad\] between the left and the right edge of its pictures.
+    pub fn new(width: u32, height: u32, field_of_view: f64) -> Self {
+        let half = |pixels: u32| 0.5 * f64::from(pixels);
+        Self {
+            width,
+            height,
+            focal_length: half(width) / (0.5 * field_of_view).tan(),
+            principal_point: [half(width) - 0.5, half(height) - 0.5],
+        }
+    }
+
+    /// Directions of the middles of the pixels, row by row from the top left corner.
+    pub fn directions(&self) -> impl Iterator<Item = Unit<Vector3<f64>>> {
+        let Self { width, height, focal_length, principal_point } = *self;
+        (0..height).flat_map(move |row| {
+            (0..width).map(move |column| {
+                let right = (f64::from(column) - principal_point[0]) / focal_length;
+                let down = (f64::from(row) - principal_point[1]) / focal_length;
+                Unit::new_normalize(Vector3::new(1.0, -right, -down))
+            })
+        })
+    }
+}

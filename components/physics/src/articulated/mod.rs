@@ -269,11 +269,12 @@ impl Articulated {
 }
 
 impl Simulation<Articulated> {
-    /// Moves a floating base up or down until the robot stands on the ground plane, or on the plane z = 0 without
-    /// one, and stops it. A robot without collision shapes stays where it is.
+    /// Moves a floating base up or down until the robot stands on the ground plane or the terrain, or on the plane z = 0
+    /// without one, and stops it. A robot without collision shapes stays where it is.
     pub fn place_on_ground(&mut self) {
         let height = self.world.ground.map_or(0.0, |ground| ground.height);
         let lowest = self.engine.scene.lowest();
+        let lowest = self.engine.scene.above_terrain().unwrap_or(lowest);
         let robot = &mut self.robot;
         if robot.model.base().floating && lowest.is_finite() {
             robot.state.q[2] += height - lowest;

@@ -208,7 +208,7 @@ fn rest_position(low: f64, high: f64) -> f64 {
 pub(super) fn refused(error: BuildError) -> ConfigError {
     let message = error.to_string();
     match error {
-        BuildError::World(_) => ConfigError::key("world", message),
+        BuildError::World(_) | BuildError::Terrain => ConfigError::key("world", message),
         BuildError::Option { name, .. } => ConfigError::key(format!("solver.{name}"), message),
         BuildError::State(_) => ConfigError::key("position", message),
         BuildError::FloatingBase { robot } => {

@@ -123,6 +123,11 @@ impl Motions {
         motion
     }
 
+    /// Bound of the speed of any point of a collider \[m/s\].
+    pub(super) fn speed(&self, index: usize) -> f64 {
+        self.colliders[index].speed[0]
+    }
+
     /// Sum of the ways of two colliders \[m\] and of their speeds \[m/s\].
     pub(super) fn of_pair(&self, part: usize, first: usize, second: usize) -> (f64, f64) {
         let (first, second) = (&self.colliders[first], &self.colliders[second]);

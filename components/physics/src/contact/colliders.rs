@@ -1,6 +1,10 @@
 //! The colliders of a simulation: solids of the collision model with their surface properties, and pairs of them.
 
-use motorium_robots::{Attachment, CollisionError, CollisionModel, CollisionOptions, ConvexShape, MeshMode};
+use std::sync::Arc;
+
+use motorium_robots::{
+    Attachment, CollisionError, CollisionModel, CollisionOptions, ConvexShape, HeightField, MeshMode,
+};
 use nalgebra::Isometry3;
 
 use crate::{BuildWarning, Options, RobotSetup, World};
@@ -28,7 +32,7 @@ impl Owner {
 /// A convex shape with surface properties, fixed to its owner.
 #[derive(Clone, Debug)]
 pub(crate) struct Collider {
-    /// Robot link, object, or `ground`.
+    /// Robot link, object, `ground` or `terrain`.
     pub(crate) name: String,
     pub(crate) owner: Owner,
     pub(crate) shape: ConvexShape,
@@ -38,13 +42,15 @@ pub(crate) struct Collider {
     pub(crate) restitution: f64,
 }
 
-/// All colliders, robot first, then objects, then the ground, and the pairs of them that may touch.
+/// All colliders, robot first, then objects, then the ground or the terrain, and the pairs of them that may touch.
 pub(crate) struct Colliders {
     pub(crate) colliders: Vec<Collider>,
     /// Index of the collider of the first object of the world.
     pub(crate) first_object: usize,
-    /// The collision model they come from: the same indices and pairs.
+    /// The collision model they come from: the same indices and pairs. The terrain is no part of it.
     pub(crate) model: CollisionModel,
+    /// The surface of the terrain, which is the last collider; its shape there stands for it.
+    pub(crate) terrain: Option<Arc<HeightField>>,
 }
 
 impl Colliders {
@@ -88,7 +94,7 @@ impl Colliders {
             model.add_half_space("ground", Isometry3::translation(0.0, 0.0, ground.height));
         }
         let floating = robot.base().floating;
-        let colliders: Vec<Collider> = (0..model.solid_count())
+        let mut colliders: Vec<Collider> = (0..model.solid_count())
             .map(|index| {
                 let object = index.checked_sub(first_object).map(|index| (index, world.objects.get(index)));
                 let free =
@@ -117,7 +123,18 @@ impl Colliders {
             .collect();
         // Colliders of one owner, and two that never move, need no check.
         model.retain_pairs(|&[a, b]| colliders[a].owner != colliders[b].owner);
-        Self { colliders, first_object, model }
+        let field = world.height_field().ok().flatten();
+        if let (Some(terrain), Some(_)) = (&world.terrain, &field) {
+            colliders.push(Collider {
+                name: "terrain".to_owned(),
+                owner: Owner::World,
+                shape: ConvexShape::HalfSpace,
+                placement: Isometry3::identity(),
+                friction: terrain.friction,
+                restitution: terrain.restitution,
+            });
+        }
+        Self { colliders, first_object, model, terrain: field.map(Arc::new) }
     }
 
     /// True where both colliders are links of the robot, moving or not.

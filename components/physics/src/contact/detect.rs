@@ -9,6 +9,7 @@ use super::bounds::{self, Motions};
 use super::colliders::{Collider, Colliders, Owner};
 use super::features::{ContactGeometry, Feature};
 use super::objects::FreeBody;
+use super::terrain;
 
 /// Contact points kept at once. Of more, the deepest.
 const MOST: usize = 96;
@@ -76,6 +77,8 @@ pub(crate) struct Detector {
     points: Vec<ContactPoint>,
     distances: Collisions,
     motions: Motions,
+    /// Colliders that are not the terrain.
+    solids: usize,
 }
 
 /// The state of a [`Detector`] that later detections depend on.
@@ -104,11 +107,12 @@ impl Detector {
             .collect();
         pairs.sort_unstable_by_key(|pair| (pair.first, pair.second));
         let mut distances = Collisions::new(model);
-        for (index, collider) in colliders.iter().enumerate() {
+        for (index, collider) in colliders.iter().enumerate().take(model.solid_count()) {
             distances.set_pose(index, &collider.placement);
         }
         let points = Vec::with_capacity(MOST);
-        Self { pairs, points, distances, motions: Motions::new(colliders) }
+        let solids = model.solid_count();
+        Self { pairs, points, distances, motions: Motions::new(colliders), solids }
     }
 
     /// Largest number of contact points.
@@ -156,6 +160,9 @@ impl Detector {
 
     /// Places a collider of the world.
     pub(crate) fn set_pose(&mut self, collider: usize, pose: Isometry3<f64>) {
+        if collider >= self.solids {
+            return;
+        }
         self.distances.set_pose(collider, &pose);
         // The world stands still, but for this: its way is not followed.
         for pair in self.pairs.iter_mut().filter(|pair| [pair.first, pair.second].contains(&collider)) {
@@ -194,14 +201,15 @@ impl Detector {
         lowest
     }
 
+    /// Height of the lowest point of the robot above the terrain below it \[m\]; `None` without a terrain.
+    pub(crate) fn above_terrain(&self, colliders: &Colliders) -> Option<f64> {
+        terrain::clearance(colliders, &self.distances)
+    }
+
     /// Finds all contact points closer than `least` \[m\], and those that may touch within `h` \[s\].
-    pub(crate) fn detect(
-        &mut self,
-        Colliders { colliders, model, .. }: &Colliders,
-        h: f64,
-        least: f64,
-    ) -> &[ContactPoint] {
-        let Self { pairs, points, distances, motions } = self;
+    pub(crate) fn detect(&mut self, all: &Colliders, h: f64, least: f64) -> &[ContactPoint] {
+        let Colliders { colliders, model, .. } = all;
+        let Self { pairs, points, distances, motions, .. } = self;
         points.clear();
         for (index, pair) in pairs.iter_mut().enumerate() {
             let (way, speed) = motions.of_pair(pair.part, pair.first, pair.second);
@@ -264,6 +272,8 @@ impl Detector {
                 found(false, NEAREST, point, -nearest.normal.into_inner(), nearest.distance);
             }
         }
+        let near = |speed| margin(h, speed).max(least);
+        terrain::detect(all, distances, motions, near, &mut |point| keep(points, point));
         &self.points
     }
 

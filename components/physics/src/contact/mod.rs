@@ -2,7 +2,7 @@
 //!
 //! [Colliders](colliders) are the solids of the [collision model](motorium_robots::CollisionModel) with their surface
 //! properties. [Features](features) are the points of a shape that touch others first; [detection](detect) finds
-//! where they come near another surface, for pairs whose [bounds](bounds) do not rule it out; [impulses](impulses) sets
+//! where they come near another surface or the [terrain](terrain), for pairs whose [bounds](bounds) do not rule it out; [impulses](impulses) sets
 //! up the problem of the impulses there, so that surfaces do not overlap and friction stays in its [cone](cone). A
 //! [scene] holds all of these.
 
@@ -17,6 +17,7 @@ mod impulses;
 mod newton;
 mod objects;
 mod scene;
+mod terrain;
 
 pub(crate) use colliders::{Collider, Colliders, Owner};
 pub(crate) use impulses::ContactResponse;

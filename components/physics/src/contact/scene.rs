@@ -85,6 +85,11 @@ impl ContactScene {
         self.detector.lowest(&self.colliders.colliders)
     }
 
+    /// Height of the lowest point of the robot above the terrain below it \[m\]; `None` without a terrain.
+    pub(crate) fn above_terrain(&self) -> Option<f64> {
+        self.detector.above_terrain(&self.colliders)
+    }
+
     /// The contact points within `least` \[m\] and those that may touch within `h` \[s\], as all was placed last. Those of
     /// the last step are dropped.
     pub(crate) fn detect(&mut self, h: f64, least: f64) -> &[ContactPoint] {

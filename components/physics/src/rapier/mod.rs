@@ -84,6 +84,9 @@ impl Engine for Rapier {
         if model.base().floating {
             return Err(BuildError::FloatingBase { robot: model.name().to_owned() });
         }
+        if world.terrain.is_some() {
+            return Err(BuildError::Terrain);
+        }
         if options.substeps != 1 {
             let (value, expected) =
                 (options.substeps as f64, "1: rapier takes `contact_iterations` steps always");

@@ -20,6 +20,7 @@ mod panda;
 mod pushes;
 mod several_robots;
 mod standing;
+mod terrain;
 mod world_file;
 
 use motorium::telemetry::CountingAllocator;

@@ -15,6 +15,9 @@ const DROP_OUTS: u64 = 1 << 20;
 /// The most readings that may be under way at once.
 const MOST: u64 = 100_000;
 
+/// The most numbers that may be under way at once.
+const MOST_NUMBERS: u64 = 1 << 25;
+
 /// Readings on their way, each published once.
 #[derive(Debug)]
 pub(super) struct Readings {
@@ -30,9 +33,18 @@ pub(super) struct Readings {
 impl Readings {
     /// Checks what can be checked without running, and warns of a latency that the period makes longer.
     pub(super) fn declare(timing: &Timing, declare: &mut Declare) -> Result<(), ConfigError> {
+        Self::declare_wide(timing, 1, declare)
+    }
+
+    /// As [`declare`](Self::declare), for readings of `width` numbers.
+    pub(super) fn declare_wide(
+        timing: &Timing,
+        width: usize,
+        declare: &mut Declare,
+    ) -> Result<(), ConfigError> {
         timing.check().map_err(refused)?;
         let Some(period) = declare.period() else { return Ok(()) };
-        frames(timing, period)?;
+        frames(timing, width, period)?;
         let latency = timing.latency;
         if latency.ns > 0 && Duration::from(latency) < period {
             let period = TimeSpan { ns: period.as_nanos() as u64 };
@@ -52,7 +64,7 @@ impl Readings {
         seed: u64,
     ) -> Result<Self, ConfigError> {
         timing.check().map_err(refused)?;
-        let period_ns = frames(timing, period)?;
+        let period_ns = frames(timing, width, period)?;
         Ok(Self {
             line: DelayLine::new(timing.latency.ns, width, period_ns),
             width,
@@ -104,12 +116,13 @@ impl Readings {
 }
 
 /// The period in ns, if the readings under way in it fit.
-fn frames(timing: &Timing, period: Duration) -> Result<u64, ConfigError> {
+fn frames(timing: &Timing, width: usize, period: Duration) -> Result<u64, ConfigError> {
     let period_ns = u64::try_from(period.as_nanos()).unwrap_or(u64::MAX).max(1);
     let frames = timing.latency.ns / period_ns;
-    if frames > MOST {
+    let most = MOST.min(MOST_NUMBERS / width.max(1) as u64);
+    if frames > most {
         let message =
-            format!("a latency of {} holds {frames} readings, at most {MOST} are possible", timing.latency);
+            format!("a latency of {} holds {frames} readings, at most {most} are possible", timing.latency);
         return Err(ConfigError::key("latency", message).advise("is it meant to be ms?"));
     }
     Ok(period_ns)

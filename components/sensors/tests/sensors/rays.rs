@@ -2,9 +2,10 @@
 
 use motorium::component::Component;
 use motorium::prelude::*;
+use motorium::state::ImageInfo;
 use motorium::state::{CloudPoint, HeightScan, ObjectPoses, Ranges};
 use motorium::testing::{Graph, Instance, Probe, Source};
-use motorium_sensors::component::rays::{AlongRays, HeightScanSensor, Lidar, RaySensor};
+use motorium_sensors::component::rays::{AlongRays, DepthCamera, HeightScanSensor, Lidar, RaySensor};
 use nalgebra::UnitQuaternion;
 
 const YAW: f64 = 0.4;
@@ -240,6 +241,105 @@ fn a_camera_on_a_table_needs_no_motion_and_a_lidar_sees_the_arm_beside_it() {
         probe.values().len() > 8
             && probe.values().iter().all(|reading| (reading.range()[0] - 1.0).abs() < 1e-6)
     );
+}
+
+/// Keeps the pictures of a camera as numbers.
+struct Pictures {
+    depth: motorium::transport::SliceInput<u8>,
+    grey: motorium::transport::SliceInput<u8>,
+    count: u64,
+    last: Vec<f32>,
+    shade: Vec<u8>,
+}
+
+impl Component for Pictures {
+    const KIND: &'static str = "test.pictures";
+    const SUMMARY: &'static str = "keeps pictures";
+    type Config = Nothing;
+
+    fn declare(_: &Self::Config, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.slice_input::<u8>("depth", 4, "depth");
+        declare.slice_input::<u8>("grey", 4, "grey");
+        Ok(())
+    }
+
+    fn configure(_: Self::Config, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let (depth, grey) = (setup.slice_input("depth")?, setup.slice_input("grey")?);
+        Ok(Self { depth, grey, count: 0, last: vec![0.0; 160 * 120], shade: vec![0; 160 * 120] })
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        while let Some((_, bytes)) = self.depth.next_unread() {
+            self.count += 1;
+            for (value, bytes) in self.last.iter_mut().zip(bytes.chunks_exact(4)) {
+                *value = f32::from_ne_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+            }
+        }
+        while let Some((_, bytes)) = self.grey.next_unread() {
+            self.shade.copy_from_slice(bytes);
+        }
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!({ "pictures": self.count, "depth": self.last, "grey": self.shade }))
+    }
+}
+
+#[test]
+fn a_depth_camera_sees_the_ground_and_a_ball_at_the_depths_of_the_pinhole() {
+    let config =
+        format!("world = {{ ground = {{}}, {BALL} }}, mount = {{ rpy = [0.0, 0.3, 0.0] }}, most = 4.0");
+    let camera = sensor::<AlongRays<DepthCamera>>("depth", &config)
+        .subscribe("object_poses", "objects")
+        .publish("grey", "grey")
+        .publish("info", "info");
+    let pictures = Instance::of::<Pictures>("pictures")
+        .trigger("reading")
+        .subscribe("depth", "reading")
+        .subscribe("grey", "grey");
+    let info = Probe::<ImageInfo>::of("info");
+    // the ball of 0.5 m lies on the optical axis, 2 m ahead of the camera at 0.5 m
+    let ball = objects(2.0 * 0.3_f64.cos(), 0.0, 0.5 - 2.0 * 0.3_f64.sin());
+    let graph =
+        Graph::new("rays").robot("dog", "quadruped").with(truth()).with(ball).with(camera).with(pictures);
+    let report = graph.with(&info).run("300 ms").unwrap();
+    let camera = report.components.iter().find(|component| component.name == "sensor").unwrap();
+    assert_eq!((camera.allocations, camera.errors), (Some(0), 0));
+    let info = info.values()[0];
+    assert_eq!((info.width, info.height, info.stride, info.encoding), (160, 120, 640, ImageInfo::DEPTH_32));
+    let result = &report.results["pictures"];
+    assert!(result["pictures"].as_u64().unwrap() > 3);
+    let depth: Vec<f64> =
+        result["depth"].as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect();
+    let grey: Vec<u64> =
+        result["grey"].as_array().unwrap().iter().map(|value| value.as_u64().unwrap()).collect();
+    let (mut ball, mut ground, mut nothing) = (0, 0, 0);
+    for (index, depth) in depth.iter().enumerate() {
+        let right = ((index % 160) as f64 - info.principal_point[0]) / info.focal_length[0];
+        let down = ((index / 160) as f64 - info.principal_point[1]) / info.focal_length[1];
+        // a point at depth z lies at (z, -right z, -down z) of the camera, which is turned down by 0.3 rad at 0.5 m
+        let square = 1.0 + right * right + down * down;
+        let root = 4.0 - square * (4.0 - 0.25);
+        let falls = 0.3_f64.sin() + down * 0.3_f64.cos();
+        let floor = if falls > 0.0 { 0.5 / falls } else { f64::INFINITY };
+        let (expected, kind) = if root > 0.0 && (2.0 - root.sqrt()) / square < floor {
+            ((2.0 - root.sqrt()) / square, &mut ball)
+        } else if floor <= 4.0 {
+            (floor, &mut ground)
+        } else {
+            (0.0, &mut nothing)
+        };
+        *kind += 1;
+        assert!(
+            (depth - expected).abs() < 1e-5 * (1.0 + expected),
+            "pixel {index}: {depth}, expected {expected}"
+        );
+    }
+    assert!(ball > 1000 && ground > 1000 && nothing > 100, "{ball} {ground} {nothing}");
+    // a ball is brightest in its middle
+    let middle = 60 * 160 + 80;
+    assert!(grey[middle] > 250 && grey[middle + 20] < grey[middle], "{} {}", grey[middle], grey[middle + 20]);
 }
 
 #[test]

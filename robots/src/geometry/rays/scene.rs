@@ -1,8 +1,9 @@
 //! Shapes at places, and many rays among them.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Vector3};
 
-use super::shape::Surface;
 use super::{Ray, RayHit, RayShape};
 use crate::algebra::{M3, V3};
 use crate::{CollisionModel, ConvexShape, World};
@@ -64,7 +65,7 @@ impl RayScene {
     /// Adds a shape and returns its number.
     pub fn add(&mut self, shape: RayShape, pose: &Isometry3<f64>) -> usize {
         let index = self.targets.len();
-        if !shape.reach.is_finite() && !matches!(shape.surface, Surface::Nothing) {
+        if !shape.reach.is_finite() {
             self.endless.push(index);
         }
         self.targets.push(Target { shape, rotation: M3::IDENTITY, position: V3::ZERO });
@@ -82,7 +83,8 @@ impl RayScene {
         }
     }
 
-    /// Adds the objects of a world in their order, where they start, then its ground. Returns the number of the first.
+    /// Adds the objects of a world in their order, where they start, then its ground or its terrain. Returns the
+    /// number of the first. A terrain that [cannot be made](World::check) is left out.
     pub fn add_world(&mut self, world: &World) -> usize {
         let first = self.len();
         for object in &world.objects {
@@ -91,6 +93,9 @@ impl RayScene {
         if let Some(ground) = &world.ground {
             let pose = Isometry3::translation(0.0, 0.0, ground.height);
             self.add(RayShape::new(&ConvexShape::HalfSpace), &pose);
+        }
+        if let Ok(Some(field)) = world.height_field() {
+            self.add(RayShape::of_terrain(Arc::new(field)), &Isometry3::identity());
         }
         first
     }

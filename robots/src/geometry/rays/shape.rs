@@ -1,13 +1,15 @@
 //! One shape as rays meet it.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Vector3};
 use parry3d_f64::transformation::try_convex_hull;
 
 use super::surfaces::{self, Meeting};
 use super::{Ray, RayHit};
-use crate::ConvexShape;
 use crate::algebra::{M3, V3};
 use crate::geometry::support::{v3, vector};
+use crate::{ConvexShape, HeightField};
 
 /// A shape as rays meet it.
 ///
@@ -41,6 +43,7 @@ pub(super) enum Surface {
     },
     Polytope(Vec<(V3, f64)>),
     HalfSpace,
+    Terrain(Arc<HeightField>),
     /// A hull without volume.
     Nothing,
 }
@@ -64,6 +67,11 @@ impl RayShape {
             ConvexShape::Hull { points } => planes(points).map_or(Surface::Nothing, Surface::Polytope),
         };
         Self { surface, reach: shape.bounding_radius() }
+    }
+
+    /// The surface of a terrain, met from above.
+    pub fn of_terrain(field: Arc<HeightField>) -> Self {
+        Self { surface: Surface::Terrain(field), reach: f64::INFINITY }
     }
 
     /// Distance \[m\] along a ray to the shape at `pose`, and the outward normal there, world axes; `None` if the ray
@@ -100,6 +108,7 @@ impl RayShape {
             Surface::Capsule { radius, half } => surfaces::capsule(from, towards, *radius, *half),
             Surface::Polytope(planes) => surfaces::polytope(from, towards, planes),
             Surface::HalfSpace => surfaces::half_space(from, towards),
+            Surface::Terrain(field) => field.meet(from, towards, range),
             Surface::Nothing => None,
         }
         .filter(|(distance, _)| *distance <= range)?;

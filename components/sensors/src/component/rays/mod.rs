@@ -1,5 +1,6 @@
-//! Sensors that look along rays, as components: `sensor.ray`, `sensor.lidar`, `sensor.height_scan`.
+//! Sensors that look along rays, as components: `sensor.ray`, `sensor.lidar`, `sensor.height_scan`, `sensor.depth_camera`.
 
+mod depth_camera;
 mod height_scan;
 mod lidar;
 mod ray;
@@ -15,8 +16,9 @@ use super::readings::Readings;
 use super::robot::Mount;
 use crate::channel::Timing;
 
+pub use depth_camera::{DepthCamera, DepthCameraConfig, DepthCameraOutputs};
 pub use height_scan::{HeightScanConfig, HeightScanSensor};
-pub use lidar::{Lidar, LidarConfig};
+pub use lidar::{Lidar, LidarConfig, LidarOutputs};
 pub use ray::{RayConfig, RaySensor};
 use view::{Look, Seen, View};
 
@@ -94,7 +96,7 @@ impl<S: RangeSensor> Component for AlongRays<S> {
     fn declare(config: &S::Config, declare: &mut Declare) -> Result<(), ConfigError> {
         let common = S::common(config);
         let sensor = S::new(config, 0)?;
-        Readings::declare(&common.timing, declare)?;
+        Readings::declare_wide(&common.timing, sensor.width(), declare)?;
         View::declare(common.seen(), declare)?;
         sensor.declare(declare);
         Ok(())

@@ -1,0 +1,174 @@
+//! Contact points with the terrain.
+//!
+//! A round feature touches the faces that its centre stands over, and the edge or corner that is nearest to it if that is nearer
+//! than all faces; a sharp one the face below it. Where a box, a cylinder or a capsule lies across a peak, the peak touches it.
+//! Edges between faces of one plane are no edges.
+
+use motorium_robots::{Collisions, ConvexShape, HeightField};
+use nalgebra::{IsometryMatrix3, Point3, Vector3};
+
+use super::bounds::Motions;
+use super::colliders::{Collider, Colliders, Owner};
+use super::detect::ContactPoint;
+use super::features::{ContactGeometry, Feature};
+
+/// Points of one round feature: more faces do not meet under a sphere that is no greater than the stones.
+const FACES: usize = 4;
+
+/// Faces whose normals differ by less touch as one: the cosine of 18 degrees.
+const ALIKE: f64 = 0.95;
+
+/// A feature whose direction from the surface differs less from the normal of a face stands over it.
+const OVER: f64 = 1e-9;
+
+/// Begin of the numbers of contacts with the terrain.
+const TERRAIN: u64 = 1 << 63;
+
+/// A touching point of a feature.
+#[derive(Clone, Copy)]
+struct Touch {
+    triangle: u32,
+    /// Between the surfaces \[m\].
+    distance: f64,
+    normal: Vector3<f64>,
+}
+
+/// Passes the contact points of all colliders that move with the terrain to `found`; `margin` \[m\] is that of a speed
+/// \[m/s\].
+pub(super) fn detect(
+    all: &Colliders,
+    distances: &Collisions,
+    motions: &Motions,
+    margin: impl Fn(f64) -> f64,
+    found: &mut dyn FnMut(ContactPoint),
+) {
+    let Some(field) = &all.terrain else { return };
+    let terrain = all.colliders.len() - 1;
+    for (index, collider) in all.colliders[..terrain].iter().enumerate() {
+        if collider.owner == Owner::World {
+            continue;
+        }
+        let pose = distances.pose(index);
+        let (speed, reach) = (motions.speed(index), collider.shape.bounding_radius());
+        let (margin, centre) = (margin(speed), pose.translation.vector);
+        let near = reach + margin;
+        if centre.z - near > field.highest_near(centre.x, centre.y, near) {
+            continue;
+        }
+        let point = |key: u64, first: usize, second: usize, point, normal, distance| {
+            let (a, b) = (&all.colliders[first], &all.colliders[second]);
+            ContactPoint {
+                key: TERRAIN | (index as u64) << 32 | key,
+                colliders: (first, second),
+                owners: (a.owner, b.owner),
+                point,
+                normal,
+                distance,
+                speed,
+                friction: 0.5 * (a.friction + b.friction),
+                restitution: 0.5 * (a.restitution + b.restitution),
+            }
+        };
+        collider.shape.features(&towards(&pose), &mut |feature| {
+            let place = pose * Point3::from(feature.point);
+            for touch in touches(field, &place, feature.radius, margin).into_iter().flatten() {
+                let Touch { triangle, distance, normal } = touch;
+                let key = u64::from(feature.index & 0x7f) << 24 | u64::from(triangle & 0x00ff_ffff);
+                let middle = place - normal * (feature.radius + 0.5 * distance);
+                found(point(key, index, terrain, middle, normal, distance));
+            }
+        });
+        if matches!(collider.shape, ConvexShape::Sphere { .. } | ConvexShape::Hull { .. }) {
+            continue;
+        }
+        let down = towards(&pose);
+        field.visit_peaks(centre.x, centre.y, near, &mut |number, peak| {
+            if peak.z < centre.z - near {
+                return;
+            }
+            let local = pose.inverse_transform_point(&peak);
+            let Some((distance, normal)) = collider.shape.surface_towards(&local.coords, &down) else {
+                return;
+            };
+            if distance < margin {
+                let normal = pose.rotation * normal;
+                let key = 1 << 31 | u64::from(number & 0x7fff_ffff);
+                found(point(key, terrain, index, peak - normal * (0.5 * distance), normal, distance));
+            }
+        });
+    }
+}
+
+/// Downwards, in the axes of a collider.
+fn towards(pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
+    pose.rotation.inverse_transform_vector(&-Vector3::z())
+}
+
+/// Where a feature touches the terrain, or comes nearer to it than `margin` \[m\].
+fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -> [Option<Touch>; FACES] {
+    let mut touches = [None; FACES];
+    let above = place.z - field.height(place.x, place.y);
+    if radius == 0.0 || above <= 0.0 {
+        let normal = field.normal(place.x, place.y);
+        let distance = above * normal.z - radius;
+        if distance < margin {
+            touches[0] = Some(Touch { triangle: 0, distance, normal });
+        }
+        return touches;
+    }
+    let mut nearest: Option<(Touch, bool)> = None;
+    field.visit_near(place, radius + margin, &mut |triangle| {
+        let out = place - triangle.nearest;
+        let length = out.norm();
+        let normal = if length > 1e-12 { out / length } else { triangle.normal };
+        let over = 1.0 - normal.dot(&triangle.normal) < OVER;
+        let touch = Touch { triangle: triangle.index, distance: length - radius, normal };
+        if over {
+            keep(&mut touches, touch);
+        }
+        // a face wins against its own edge
+        let before =
+            nearest.map_or(f64::INFINITY, |(other, over)| other.distance - if over { 1e-12 } else { 0.0 });
+        if touch.distance < before || over && touch.distance <= before {
+            nearest = Some((touch, over));
+        }
+    });
+    if let Some((touch, false)) = nearest {
+        keep(&mut touches, touch);
+    }
+    touches
+}
+
+/// Keeps a point; of two with nearly the same normal the deeper, and where there is no room the deepest.
+fn keep(touches: &mut [Option<Touch>; FACES], touch: Touch) {
+    let alike =
+        touches.iter().position(|other| other.is_some_and(|other| other.normal.dot(&touch.normal) > ALIKE));
+    let free = || touches.iter().position(Option::is_none);
+    let depth = |index: &usize| touches[*index].map_or(f64::INFINITY, |other| other.distance);
+    let shallowest = || (0..FACES).max_by(|a, b| depth(a).total_cmp(&depth(b)));
+    let Some(index) = alike.or_else(free).or_else(shallowest) else { return };
+    if touches[index].is_none_or(|other| touch.distance < other.distance) {
+        touches[index] = Some(touch);
+    }
+}
+
+/// The least height of a feature of the robot above the terrain below it \[m\], along z; `None` without a terrain.
+pub(super) fn clearance(all: &Colliders, distances: &Collisions) -> Option<f64> {
+    let field = all.terrain.as_ref()?;
+    let robot = all
+        .colliders
+        .iter()
+        .enumerate()
+        .filter(|(_, collider): &(usize, &Collider)| collider.owner.is_robot());
+    let mut least = f64::INFINITY;
+    for (index, collider) in robot {
+        let pose = distances.pose(index);
+        collider.shape.features(&towards(&pose), &mut |Feature { point, radius, .. }| {
+            let place = pose * Point3::from(point);
+            let (height, normal) = (field.height(place.x, place.y), field.normal(place.x, place.y));
+            // the plane of the face below touches a sphere beside its lowest point
+            least = least.min(place.z - height - radius / normal.z);
+        });
+    }
+    Some(least)
+}

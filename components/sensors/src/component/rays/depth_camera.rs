@@ -1,0 +1,232 @@
+//! `sensor.depth_camera`: pictures of depth and of grey.
+
+use motorium::prelude::*;
+use motorium::state::ImageInfo;
+use motorium::transport::SliceOutput;
+use motorium_robots::{Ray, RayHit, RayScene, World};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::super::readings::refused;
+use super::{Common, Mount, RangeSensor, Timing};
+use crate::channel::ErrorModel;
+use crate::ranging::{Pinhole, RangeModel, RangeSettings};
+
+/// Configuration of `sensor.depth_camera`. The default is an ideal camera of 160 x 120 pixels at the root link that looks along
+/// its x.
+///
+/// ```toml
+/// mount         = { frame = "hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
+/// field_of_view = 1.2
+/// most          = 2.0
+/// depth         = { noise = 0.002, resolution = 0.001 }
+/// latency       = "33 ms"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DepthCameraConfig {
+    /// Place of the camera on the robot: it looks along x, the left of the picture is along y, its top along z. Default: the
+    /// root link.
+    pub mount: Mount,
+    /// Ground and objects, in a graph without a `[world]`.
+    pub world: World,
+    /// True if the robot that carries the camera is in the picture, too. Default true.
+    pub sees_robot: bool,
+    /// Pixels of a row. Default 160.
+    pub width: u32,
+    /// Rows. Default 120.
+    pub height: u32,
+    /// Angle between the left and the right edge of the picture (rad). Default 1.0472, which is 60 degrees.
+    pub field_of_view: f64,
+    /// The least depth that is measured (m). Default 0.05.
+    pub least: f64,
+    /// The greatest depth that is measured (m). Default 5.
+    pub most: f64,
+    /// Errors of the depth of each pixel, m.
+    pub depth: ErrorModel,
+    /// Share of the pixels without a depth, 0 to 1. Default 0.
+    pub lost: f64,
+    /// Time from exposure until the picture is available. Default none.
+    pub latency: TimeSpan,
+    /// Share of the pictures that are not published, 0 to 1. Default 0.
+    pub drop_out: f64,
+    /// Seed of the noise. Default: from the seed of the run and the name of the component.
+    pub seed: Option<u64>,
+}
+
+impl Default for DepthCameraConfig {
+    fn default() -> Self {
+        Self {
+            mount: Mount::default(),
+            world: World::default(),
+            sees_robot: true,
+            width: 160,
+            height: 120,
+            field_of_view: std::f64::consts::FRAC_PI_3,
+            least: 0.05,
+            most: 5.0,
+            depth: ErrorModel::default(),
+            lost: 0.0,
+            latency: TimeSpan { ns: 0 },
+            drop_out: 0.0,
+            seed: None,
+        }
+    }
+}
+
+/// Pixels of a picture at most.
+const MOST_PIXELS: u64 = 1 << 20;
+
+/// Pictures that wait for a slow reader.
+const PICTURES: usize = 3;
+
+/// Bytes of a pixel of depth.
+const DEPTH_BYTES: usize = size_of::<f32>();
+
+/// Grey of a surface that is seen edge on, and what one that is seen from the front has more, of 255.
+const SHADE: (f64, f64) = (40.0, 215.0);
+
+/// `sensor.depth_camera`: pictures of depth and of grey. A reading has the depths, then the cosines of the angles of incidence.
+pub struct DepthCamera {
+    pinhole: Pinhole,
+    directions: Vec<Unit<Vector3<f64>>>,
+    rays: Vec<Ray>,
+    hits: Vec<Option<RayHit>>,
+    model: RangeModel,
+    most: f64,
+}
+
+/// The outputs of a depth camera.
+pub struct DepthCameraOutputs {
+    depth: SliceOutput<u8>,
+    grey: SliceOutput<u8>,
+    info: Output<ImageInfo>,
+}
+
+impl DepthCamera {
+    /// Form of the pictures of depth.
+    fn info(&self) -> ImageInfo {
+        let Pinhole { width, height, focal_length, principal_point } = self.pinhole;
+        ImageInfo {
+            width,
+            height,
+            stride: width * DEPTH_BYTES as u32,
+            encoding: ImageInfo::DEPTH_32,
+            focal_length: [focal_length; 2],
+            principal_point,
+        }
+    }
+}
+
+impl RangeSensor for DepthCamera {
+    const KIND: &'static str = "sensor.depth_camera";
+    const SUMMARY: &'static str = "pictures of depth and grey by rays: noise, lost pixels, latency";
+    type Config = DepthCameraConfig;
+    type Outputs = DepthCameraOutputs;
+
+    fn common(config: &DepthCameraConfig) -> Common<'_> {
+        Common {
+            mount: &config.mount,
+            world: &config.world,
+            sees_robot: config.sees_robot,
+            timing: Timing { latency: config.latency, drop_out: config.drop_out },
+            seed: config.seed,
+        }
+    }
+
+    fn new(config: &DepthCameraConfig, seed: u64) -> Result<Self, ConfigError> {
+        let DepthCameraConfig { width, height, field_of_view, least, most, depth, lost, .. } = *config;
+        let pixels = u64::from(width) * u64::from(height);
+        if !(1..=MOST_PIXELS).contains(&pixels) {
+            let message = format!("{width} x {height} pixels, expected 1 to {MOST_PIXELS} in all");
+            return Err(ConfigError::key("width", message));
+        }
+        if !(field_of_view > 0.0 && field_of_view < 3.0) {
+            let message = format!("{field_of_view}: expected an angle above 0 and below 3 rad");
+            return Err(ConfigError::key("field_of_view", message));
+        }
+        let pinhole = Pinhole::new(width, height, field_of_view);
+        let directions: Vec<_> = pinhole.directions().collect();
+        let count = directions.len();
+        let settings = RangeSettings { distance: depth, least, most, lost };
+        let model = RangeModel::new(&settings, count, seed).map_err(|error| {
+            let setting = error.setting.replacen("distance", "depth", 1);
+            refused(crate::channel::SettingError { setting, ..error })
+        })?;
+        let rays = directions.iter().map(|&direction| Ray { origin: Point3::origin(), direction }).collect();
+        Ok(Self { pinhole, directions, rays, hits: vec![None; count], model, most })
+    }
+
+    fn width(&self) -> usize {
+        2 * self.directions.len()
+    }
+
+    fn declare(&self, declare: &mut Declare) {
+        let pixels = self.directions.len();
+        let doc = "depth along the optical axis, `f32` a pixel, m; 0 without one";
+        declare.slice_output::<u8>("depth", pixels * DEPTH_BYTES, PICTURES, doc);
+        declare.slice_output::<u8>(
+            "grey",
+            pixels,
+            PICTURES,
+            "brightness under a lamp at the camera, a byte a pixel",
+        );
+        declare.output::<ImageInfo>("info", "form of the pictures of depth");
+    }
+
+    fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError> {
+        Ok(DepthCameraOutputs {
+            depth: setup.slice_output("depth")?,
+            grey: setup.slice_output("grey")?,
+            info: setup.output("info")?,
+        })
+    }
+
+    fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, dt: f64, values: &mut [f64]) {
+        let origin = Point3::from(pose.translation.vector);
+        let turn = pose.rotation.to_rotation_matrix();
+        let mut steepest = 1.0_f64;
+        for (ray, direction) in self.rays.iter_mut().zip(&self.directions) {
+            *ray = Ray { origin, direction: turn * direction };
+            steepest = steepest.min(direction.x);
+        }
+        scene.cast_all(&self.rays, self.model.no_return() / steepest, &mut self.hits);
+        let (depths, cosines) = values.split_at_mut(self.directions.len());
+        let seen = self.hits.iter().zip(&self.directions).zip(&self.rays);
+        for (((hit, direction), ray), (depth, cosine)) in seen.zip(depths.iter_mut().zip(cosines)) {
+            (*depth, *cosine) = match hit {
+                Some(hit) => (hit.distance * direction.x, -hit.normal.dot(&ray.direction)),
+                None => (f64::INFINITY, -1.0),
+            };
+        }
+        self.model.measure(dt, depths);
+    }
+
+    fn publish(
+        &self,
+        values: &[f64],
+        source: u64,
+        outputs: &mut DepthCameraOutputs,
+    ) -> Result<(), StepError> {
+        let (depths, cosines) = values.split_at(self.directions.len());
+        if outputs.grey.is_wired() {
+            let mut grey = outputs.grey.loan(cosines.len())?;
+            for (pixel, cosine) in grey.iter_mut().zip(cosines) {
+                *pixel = if *cosine < 0.0 { 0 } else { (SHADE.0 + SHADE.1 * cosine) as u8 };
+            }
+            grey.publish_from(source)?;
+        }
+        if outputs.info.is_wired() {
+            let mut info = outputs.info.loan()?;
+            *info = self.info();
+            info.publish_from(source)?;
+        }
+        let mut picture = outputs.depth.loan(depths.len() * DEPTH_BYTES)?;
+        for (pixel, depth) in picture.chunks_exact_mut(DEPTH_BYTES).zip(depths) {
+            let depth = if *depth <= self.most { *depth as f32 } else { 0.0 };
+            pixel.copy_from_slice(&depth.to_ne_bytes());
+        }
+        picture.publish_from(source)
+    }
+}

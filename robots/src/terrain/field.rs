@@ -1,0 +1,259 @@
+//! Height fields: surfaces over a grid, as rays and contacts meet them.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::algebra::V3;
+
+/// Cells along a side of the blocks whose highest point is known.
+pub(super) const BLOCK: i64 = 8;
+
+/// A surface of two triangles a cell over a grid of heights, solid below.
+///
+/// Beyond the grid it goes on as at the nearest edge. Cells are split from their corner of least x and y to the opposite one.
+///
+/// ```
+/// use motorium_robots::HeightField;
+///
+/// // A ramp of 1:10 that begins at x = 0.
+/// let ramp = HeightField::new([-1.0, -1.0], 0.5, [5, 5], |x, _| 0.1 * x.max(0.0));
+/// assert!((ramp.height(0.75, 0.3) - 0.075).abs() < 1e-12);
+/// assert_eq!(ramp.height(9.0, 0.0), 0.1, "the edge");
+/// assert!((ramp.normal(0.6, 0.1).x + 0.1 / 1.01_f64.sqrt()).abs() < 1e-12);
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct HeightField {
+    /// Corner of least x and y \[m\].
+    pub(super) origin: [f64; 2],
+    /// Side of a cell \[m\].
+    pub(super) spacing: f64,
+    /// Heights along x and y.
+    pub(super) count: [usize; 2],
+    heights: Vec<f64>,
+    /// Blocks along x and y, and the highest point of each.
+    blocks: [i64; 2],
+    tops: Vec<f64>,
+    pub(super) low: f64,
+    pub(super) high: f64,
+}
+
+/// A triangle of a height field near a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearTriangle {
+    /// The same number for the same triangle.
+    pub index: u32,
+    /// Its point nearest to the given one \[m\].
+    pub nearest: Point3<f64>,
+    /// Its upward unit normal.
+    pub normal: Vector3<f64>,
+}
+
+/// A cell as its corners see it: the height at the first, and the slopes of both triangles per cell.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cell {
+    pub(super) height: f64,
+    /// Of the triangle at the end of x, then of that at the end of y: along x, along y.
+    pub(super) slopes: [(f64, f64); 2],
+    pub(super) top: f64,
+}
+
+impl HeightField {
+    /// A field of `count` heights along x and y, `spacing` \[m\] apart, from the corner `origin` \[m\] on.
+    ///
+    /// # Panics
+    /// With fewer than two heights along an axis, more than 2^31 in all, a spacing that is not positive, or a height that is
+    /// not finite.
+    pub fn new(
+        origin: [f64; 2],
+        spacing: f64,
+        count: [usize; 2],
+        mut height: impl FnMut(f64, f64) -> f64,
+    ) -> Self {
+        assert!(count[0] > 1 && count[1] > 1 && count[0] * count[1] < 1 << 31, "{count:?} heights");
+        assert!(spacing > 0.0 && spacing.is_finite(), "a spacing of {spacing}");
+        let place = |index: usize, axis: usize| origin[axis] + spacing * index as f64;
+        let heights: Vec<f64> = (0..count[0] * count[1])
+            .map(|index| height(place(index / count[1], 0), place(index % count[1], 1)))
+            .collect();
+        assert!(heights.iter().all(|height| height.is_finite()), "a height that is not finite");
+        let low = heights.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let blocks = count.map(|count| (count as i64 - 2) / BLOCK + 1);
+        let mut field = Self { origin, spacing, count, heights, blocks, tops: Vec::new(), low, high };
+        field.tops = (0..blocks[0] * blocks[1])
+            .map(|index| {
+                let (i, j) = (index / blocks[1] * BLOCK, index % blocks[1] * BLOCK);
+                let corners = (i..=i + BLOCK).flat_map(|i| (j..=j + BLOCK).map(move |j| (i, j)));
+                corners.map(|(i, j)| field.at(i, j)).fold(f64::NEG_INFINITY, f64::max)
+            })
+            .collect();
+        field
+    }
+
+    /// The lowest and the highest point \[m\].
+    pub fn range(&self) -> (f64, f64) {
+        (self.low, self.high)
+    }
+
+    /// Distance of two heights that are side by side \[m\].
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
+    /// Height of a corner of the grid; beyond the grid that of the nearest.
+    #[inline(always)]
+    pub(super) fn at(&self, i: i64, j: i64) -> f64 {
+        let i = i.clamp(0, self.count[0] as i64 - 1) as usize;
+        let j = j.clamp(0, self.count[1] as i64 - 1) as usize;
+        self.heights[i * self.count[1] + j]
+    }
+
+    /// The highest point of a block, or of the nearest: beyond the grid nothing is higher than at its edge.
+    #[inline(always)]
+    pub(super) fn top(&self, i: i64, j: i64) -> f64 {
+        let (i, j) = (i.clamp(0, self.blocks[0] - 1), j.clamp(0, self.blocks[1] - 1));
+        self.tops[(i * self.blocks[1] + j) as usize]
+    }
+
+    #[inline(always)]
+    pub(super) fn cell(&self, i: i64, j: i64) -> Cell {
+        let (a, b) = (self.at(i, j), self.at(i + 1, j));
+        let (c, d) = (self.at(i, j + 1), self.at(i + 1, j + 1));
+        Cell { height: a, slopes: [(b - a, d - b), (d - c, c - a)], top: a.max(b).max(c.max(d)) }
+    }
+
+    /// Place in the grid, in cells from its corner.
+    #[inline(always)]
+    pub(super) fn in_cells(&self, x: f64, y: f64) -> (f64, f64) {
+        ((x - self.origin[0]) / self.spacing, (y - self.origin[1]) / self.spacing)
+    }
+
+    /// The cell, its triangle (0 or 1) and the place in the cell of a place in the world.
+    fn triangle(&self, x: f64, y: f64) -> (Cell, usize, (f64, f64)) {
+        let (x, y) = self.in_cells(x, y);
+        let (i, j) = (x.floor(), y.floor());
+        let (u, v) = (x - i, y - j);
+        (self.cell(i as i64, j as i64), usize::from(v > u), (u, v))
+    }
+
+    /// Height of the surface at a place \[m\].
+    pub fn height(&self, x: f64, y: f64) -> f64 {
+        let (cell, triangle, (u, v)) = self.triangle(x, y);
+        let (along_x, along_y) = cell.slopes[triangle];
+        cell.height + along_x * u + along_y * v
+    }
+
+    /// Upward unit normal of the surface at a place.
+    pub fn normal(&self, x: f64, y: f64) -> Vector3<f64> {
+        let (cell, triangle, _) = self.triangle(x, y);
+        self.upward(cell.slopes[triangle]).into()
+    }
+
+    #[inline(always)]
+    pub(super) fn upward(&self, (along_x, along_y): (f64, f64)) -> V3 {
+        let normal = V3::new(-along_x, -along_y, self.spacing);
+        normal * (1.0 / normal.dot(normal).sqrt())
+    }
+
+    /// The highest point of the blocks within `reach` \[m\] of a place along x and y: nothing is higher there.
+    pub fn highest_near(&self, x: f64, y: f64, reach: f64) -> f64 {
+        let block = self.spacing * BLOCK as f64;
+        let index = |place: f64, axis: usize| ((place - self.origin[axis]) / block).floor() as i64;
+        let inside = |index: i64, axis: usize| index.clamp(0, self.blocks[axis] - 1);
+        let mut highest = f64::NEG_INFINITY;
+        for i in inside(index(x - reach, 0), 0)..=inside(index(x + reach, 0), 0) {
+            for j in inside(index(y - reach, 1), 1)..=inside(index(y + reach, 1), 1) {
+                highest = highest.max(self.top(i, j));
+            }
+        }
+        highest
+    }
+
+    /// Passes the triangles with a point within `reach` \[m\] of `point` to `visit`.
+    pub fn visit_near(&self, point: &Point3<f64>, reach: f64, visit: &mut dyn FnMut(NearTriangle)) {
+        let (x, y) = self.in_cells(point.x, point.y);
+        let wide = reach / self.spacing;
+        let p: V3 = point.coords.into();
+        for i in (x - wide).floor() as i64..=(x + wide).floor() as i64 {
+            for j in (y - wide).floor() as i64..=(y + wide).floor() as i64 {
+                let cell = self.cell(i, j);
+                if cell.top < point.z - reach {
+                    continue;
+                }
+                let corner = |i: i64, j: i64| {
+                    V3::new(
+                        self.origin[0] + self.spacing * i as f64,
+                        self.origin[1] + self.spacing * j as f64,
+                        self.at(i, j),
+                    )
+                };
+                let (first, last) = (corner(i, j), corner(i + 1, j + 1));
+                for (half, other) in [corner(i + 1, j), corner(i, j + 1)].into_iter().enumerate() {
+                    let nearest = nearest_on_triangle(p, [first, other, last]);
+                    let out = p - nearest;
+                    if out.dot(out) <= reach * reach {
+                        // wraps far beyond the grid, where numbers are equal at most by chance
+                        let number = i.wrapping_mul(1 << 15).wrapping_add(j).wrapping_mul(2) + half as i64;
+                        visit(NearTriangle {
+                            index: number as u32,
+                            nearest: Point3::from(Vector3::from(nearest)),
+                            normal: self.upward(cell.slopes[half]).into(),
+                        });
+                    }
+                }
+            }
+        }
+    }
+
+    /// Passes the corners of the grid within `reach` \[m\] along x and y that rise above the line of their neighbours along an
+    /// axis to `visit`, each with a number of its own: where a flat body touches first.
+    pub fn visit_peaks(&self, x: f64, y: f64, reach: f64, visit: &mut dyn FnMut(u32, Point3<f64>)) {
+        let (u, v) = self.in_cells(x, y);
+        let wide = reach / self.spacing;
+        let least = 1e-6 * self.spacing;
+        for i in (u - wide).ceil() as i64..=(u + wide).floor() as i64 {
+            for j in (v - wide).ceil() as i64..=(v + wide).floor() as i64 {
+                let height = self.at(i, j);
+                let above = |a: f64, b: f64| height - 0.5 * (a + b) > least;
+                if above(self.at(i - 1, j), self.at(i + 1, j)) || above(self.at(i, j - 1), self.at(i, j + 1))
+                {
+                    let (x, y) =
+                        (self.origin[0] + self.spacing * i as f64, self.origin[1] + self.spacing * j as f64);
+                    visit(i.wrapping_mul(1 << 15).wrapping_add(j) as u32, Point3::new(x, y, height));
+                }
+            }
+        }
+    }
+}
+
+/// The point of a triangle nearest to `p`, by the regions of its corners, sides and face.
+fn nearest_on_triangle(p: V3, [a, b, c]: [V3; 3]) -> V3 {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * (d1 / (d1 - d3));
+    }
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * (d2 / (d2 - d6));
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
+        return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
+    }
+    let scale = 1.0 / (va + vb + vc);
+    a + ab * (vb * scale) + ac * (vc * scale)
+}

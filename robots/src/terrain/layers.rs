@@ -1,0 +1,268 @@
+//! The layers of a terrain.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::TerrainError;
+use super::expression::Expression;
+
+/// A layer of a terrain. `direction` is an angle from x towards y (rad), default 0; `from` the distance from the origin
+/// along it where the layer begins (m), default 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum TerrainLayer {
+    /// A height by an equation.
+    Equation {
+        /// Height (m) of `x` and `y` (m): numbers, `+ - * / ^`, brackets, `pi`, and sin, cos, tan, exp, log, sqrt, abs, floor,
+        /// min, max.
+        height: String,
+    },
+    /// A fractal surface by the diamond-square algorithm.
+    DiamondSquare {
+        /// Largest height of either sign (m).
+        height: f64,
+        /// Share by which the random part shrinks from one level to the next, half as long: from 0, smooth, to 1, rough.
+        /// Default 0.5.
+        #[serde(default = "half")]
+        roughness: f64,
+    },
+    /// A slope that begins along a line.
+    Slope {
+        /// Angle of the slope (rad); negative goes down.
+        angle: f64,
+        /// See above.
+        #[serde(default)]
+        direction: f64,
+        /// See above.
+        #[serde(default)]
+        from: f64,
+        /// Length in the plane after which it is level again (m). Default: it goes on.
+        #[serde(default)]
+        length: Option<f64>,
+    },
+    /// A flight of steps.
+    Steps {
+        /// Height of a step (m); negative goes down.
+        rise: f64,
+        /// Length of a step (m).
+        run: f64,
+        /// Number of steps.
+        count: u32,
+        /// See above.
+        #[serde(default)]
+        direction: f64,
+        /// See above.
+        #[serde(default)]
+        from: f64,
+    },
+    /// Round stones at random places.
+    Stones {
+        /// Height of the highest (m); the lowest has half of it.
+        height: f64,
+        /// Diameter of the largest (m); the smallest has half of it.
+        size: f64,
+        /// How many there are in a square metre.
+        per_square_metre: f64,
+    },
+    /// Gaps across the way.
+    Gaps {
+        /// Width of a gap (m).
+        width: f64,
+        /// Distance from the begin of a gap to that of the next (m).
+        every: f64,
+        /// Depth (m).
+        depth: f64,
+        /// See above.
+        #[serde(default)]
+        direction: f64,
+        /// See above.
+        #[serde(default)]
+        from: f64,
+    },
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+/// Corner, spacing and number of heights of a grid.
+type Grid = ([f64; 2], f64, [usize; 2]);
+
+impl TerrainLayer {
+    /// Adds the heights of the layer; `key` is its own in errors.
+    pub(super) fn add(
+        &self,
+        key: &str,
+        seed: u64,
+        grid: Grid,
+        heights: &mut [f64],
+    ) -> Result<(), TerrainError> {
+        let (corner, spacing, count) = grid;
+        let check = |name: &str, value: f64, good: bool, expected: &'static str| {
+            let at = || format!("{key}.{name}");
+            if good && value.is_finite() { Ok(()) } else { Err(TerrainError::value(at(), value, expected)) }
+        };
+        let finite = |name: &str, value: f64| check(name, value, true, "a finite number");
+        let positive = |name: &str, value: f64| check(name, value, value > 0.0, "a positive number");
+        let mut by_place = |height: &mut dyn FnMut(f64, f64) -> f64| {
+            for (index, sum) in heights.iter_mut().enumerate() {
+                let x = corner[0] + spacing * (index / count[1]) as f64;
+                let y = corner[1] + spacing * (index % count[1]) as f64;
+                *sum += height(x, y);
+            }
+        };
+        let along = |direction: f64, from: f64| {
+            let (sin, cos) = direction.sin_cos();
+            move |x: f64, y: f64| x * cos + y * sin - from
+        };
+        match *self {
+            Self::Equation { height: ref text } => {
+                let expression = Expression::parse(text).map_err(|problem| TerrainError::Equation {
+                    key: format!("{key}.equation.height"),
+                    text: text.clone(),
+                    problem,
+                })?;
+                by_place(&mut |x, y| expression.value(x, y));
+            }
+            Self::Slope { angle, direction, from, length } => {
+                check("slope.angle", angle, angle.abs() < 1.5, "an angle between -1.5 and 1.5 rad")?;
+                finite("slope.direction", direction)?;
+                finite("slope.from", from)?;
+                let length = length.unwrap_or(f64::MAX);
+                positive("slope.length", length)?;
+                let (rise, way) = (angle.tan(), along(direction, from));
+                by_place(&mut |x, y| rise * way(x, y).clamp(0.0, length));
+            }
+            Self::Steps { rise, run, count, direction, from } => {
+                finite("steps.rise", rise)?;
+                positive("steps.run", run)?;
+                finite("steps.direction", direction)?;
+                finite("steps.from", from)?;
+                let way = along(direction, from);
+                by_place(&mut |x, y| rise * ((way(x, y) / run).floor() + 1.0).clamp(0.0, f64::from(count)));
+            }
+            Self::Gaps { width, every, depth, direction, from } => {
+                positive("gaps.width", width)?;
+                check("gaps.every", every, every > width, "a length above `width`")?;
+                positive("gaps.depth", depth)?;
+                finite("gaps.direction", direction)?;
+                finite("gaps.from", from)?;
+                let way = along(direction, from);
+                by_place(&mut |x, y| {
+                    let way = way(x, y);
+                    if way >= 0.0 && way.rem_euclid(every) < width { -depth } else { 0.0 }
+                });
+            }
+            Self::DiamondSquare { height, roughness } => {
+                finite("diamond_square.height", height)?;
+                let share = (0.0..=1.0).contains(&roughness);
+                check("diamond_square.roughness", roughness, share, "a number from 0 to 1")?;
+                let (side, surface) = diamond_square(count, roughness, seed);
+                let highest = surface.iter().fold(f64::MIN_POSITIVE, |most, height| most.max(height.abs()));
+                for (index, sum) in heights.iter_mut().enumerate() {
+                    *sum += height / highest * surface[index / count[1] * side + index % count[1]];
+                }
+            }
+            Self::Stones { height, size, per_square_metre } => {
+                finite("stones.height", height)?;
+                positive("stones.size", size)?;
+                let many = (0.0..=1e5).contains(&per_square_metre);
+                check("stones.per_square_metre", per_square_metre, many, "a number from 0 to 1e5")?;
+                stones(grid, (height, size, per_square_metre), seed, heights);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Adds caps of paraboloids at random places; of two that overlap the higher counts.
+fn stones(
+    (corner, spacing, count): Grid,
+    (height, size, per_square_metre): (f64, f64, f64),
+    seed: u64,
+    heights: &mut [f64],
+) {
+    let length = count.map(|count| spacing * (count - 1) as f64);
+    let stones = (per_square_metre * length[0] * length[1]).round() as u64;
+    let mut layer = vec![0.0_f64; heights.len()];
+    for stone in 0..stones {
+        let draw = |number: u64| uniform(seed, 5 * stone + number);
+        let centre = [draw(0) * length[0], draw(1) * length[1]];
+        let (radius, top) = (0.25 * size * (1.0 + draw(2)), 0.5 * height * (1.0 + draw(3)));
+        let index = |axis: usize, place: f64| ((place / spacing).max(0.0) as usize).min(count[axis] - 1);
+        for i in index(0, centre[0] - radius)..=index(0, centre[0] + radius + spacing) {
+            for j in index(1, centre[1] - radius)..=index(1, centre[1] + radius + spacing) {
+                let (dx, dy) = (spacing * i as f64 - centre[0], spacing * j as f64 - centre[1]);
+                let cap = top * (1.0 - (dx * dx + dy * dy) / (radius * radius));
+                let place = &mut layer[i * count[1] + j];
+                if cap / top > *place / top && cap / top > 0.0 {
+                    *place = cap;
+                }
+            }
+        }
+    }
+    debug_assert!(corner.iter().all(|corner| corner.is_finite()));
+    heights.iter_mut().zip(&layer).for_each(|(sum, stone)| *sum += stone);
+}
+
+/// A square of at least `count` heights, and its side.
+fn diamond_square(count: [usize; 2], roughness: f64, seed: u64) -> (usize, Vec<f64>) {
+    let cells = (count[0].max(count[1]) - 1).next_power_of_two();
+    let side = cells + 1;
+    let mut surface = vec![0.0; side * side];
+    let random = |i: usize, j: usize| 2.0 * uniform(seed, (i * side + j) as u64) - 1.0;
+    for (i, j) in [(0, 0), (0, cells), (cells, 0), (cells, cells)] {
+        surface[i * side + j] = random(i, j);
+    }
+    let (mut step, mut scale) = (cells, roughness);
+    while step > 1 {
+        let half = step / 2;
+        // the middles of squares, then those of their sides
+        for i in (half..side).step_by(step) {
+            for j in (half..side).step_by(step) {
+                let corner = |a: usize, b: usize| surface[a * side + b];
+                let sum = corner(i - half, j - half)
+                    + corner(i - half, j + half)
+                    + corner(i + half, j - half)
+                    + corner(i + half, j + half);
+                surface[i * side + j] = 0.25 * sum + scale * random(i, j);
+            }
+        }
+        for i in (0..side).step_by(half) {
+            let first = if (i / half).is_multiple_of(2) { half } else { 0 };
+            for j in (first..side).step_by(step) {
+                let (mut sum, mut corners) = (0.0, 0.0);
+                let around = [
+                    (i.checked_sub(half), Some(j)),
+                    (Some(i + half), Some(j)),
+                    (Some(i), j.checked_sub(half)),
+                    (Some(i), Some(j + half)),
+                ];
+                for (a, b) in around {
+                    let (Some(a), Some(b)) = (a, b) else { continue };
+                    if a < side && b < side {
+                        sum += surface[a * side + b];
+                        corners += 1.0;
+                    }
+                }
+                surface[i * side + j] = sum / corners + scale * random(i, j);
+            }
+        }
+        step = half;
+        scale *= roughness;
+    }
+    (side, surface)
+}
+
+/// A number from 0 to 1 for a number of a seed.
+fn uniform(seed: u64, number: u64) -> f64 {
+    (mixed(seed.wrapping_add(mixed(number))) >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// All bits of a number mixed: SplitMix64 (Steele, Lea, Flood 2014).
+pub(super) fn mixed(number: u64) -> u64 {
+    let mut z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}

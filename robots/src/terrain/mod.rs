@@ -1,0 +1,190 @@
+//! Terrain: the description of an uneven ground, and the height field that it makes.
+
+mod cast;
+mod expression;
+mod field;
+mod layers;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+pub use field::{HeightField, NearTriangle};
+pub use layers::TerrainLayer;
+
+/// Heights of one terrain at most.
+const MOST: f64 = 1e6;
+
+/// Width of the band about the level part over which the terrain rises to its height \[m\].
+const BAND: f64 = 0.3;
+
+/// An uneven ground instead of a plane: the sum of its layers, above z = 0.
+///
+/// Beyond its size it goes on as at its edge.
+///
+/// ```
+/// use motorium_robots::Terrain;
+///
+/// let text = r#"
+/// size    = [6.0, 4.0]
+/// spacing = 0.05
+/// flat    = 0.5
+/// seed    = 7
+/// layers  = [
+///     { slope  = { angle = 0.1, from = 1.0 } },
+///     { stones = { height = 0.03, size = 0.2, per_square_metre = 8.0 } },
+/// ]
+/// "#;
+/// let terrain: Terrain = toml::from_str(text).unwrap();
+/// let field = terrain.height_field().unwrap();
+/// assert_eq!(field.height(0.3, 0.2), 0.0);
+/// assert!(field.height(2.9, 0.0) >= 1.9 * 0.1_f64.tan() - 1e-3);
+/// assert_eq!(field, terrain.height_field().unwrap());
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Terrain {
+    /// Length along x and y (m).
+    pub size: [f64; 2],
+    /// Its middle along x and y (m). Default: the origin.
+    #[serde(default)]
+    pub centre: [f64; 2],
+    /// Distance of two heights that are side by side (m). Default 0.05. What is steeper than it allows, such as the front of a
+    /// step, becomes a slope of this length.
+    #[serde(default = "default_spacing")]
+    pub spacing: f64,
+    /// Radius about the origin of the world within which it is level, at z = 0 (m). Default 0.
+    #[serde(default)]
+    pub flat: f64,
+    /// Seed of what is drawn. Default 0.
+    #[serde(default)]
+    pub seed: u64,
+    /// Coefficient of friction. That of a contact is the mean of both surfaces'. Default 0.8.
+    #[serde(default = "default_friction")]
+    #[schemars(range(min = 0.0))]
+    pub friction: f64,
+    /// Share of the approach speed kept after an impact, from 0 to 1. Default 0.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub restitution: f64,
+    /// The layers, whose heights are added.
+    pub layers: Vec<TerrainLayer>,
+}
+
+fn default_spacing() -> f64 {
+    0.05
+}
+
+fn default_friction() -> f64 {
+    0.8
+}
+
+/// A terrain that cannot be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TerrainError {
+    /// A number outside its range.
+    #[error("`{key}` is {value}, expected {expected}")]
+    Value {
+        /// The key.
+        key: String,
+        /// The value found.
+        value: f64,
+        /// The range expected.
+        expected: &'static str,
+    },
+    /// An equation that cannot be read.
+    #[error("`{key}` = \"{text}\": {problem}")]
+    Equation {
+        /// The key.
+        key: String,
+        /// The equation.
+        text: String,
+        /// The place and the problem.
+        problem: String,
+    },
+    /// More heights than fit.
+    #[error("{found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
+    Fine {
+        /// Heights asked for.
+        found: f64,
+        /// Heights possible.
+        most: f64,
+    },
+    /// A height that is not finite.
+    #[error("the height at x = {x}, y = {y} is {height}, expected a finite number")]
+    Height {
+        /// Place.
+        x: f64,
+        /// Place.
+        y: f64,
+        /// Height.
+        height: f64,
+    },
+}
+
+impl TerrainError {
+    fn value(key: impl Into<String>, value: f64, expected: &'static str) -> Self {
+        Self::Value { key: key.into(), value, expected }
+    }
+}
+
+impl Terrain {
+    /// The height field of the terrain, the same for the same description.
+    ///
+    /// # Errors
+    /// [`TerrainError`].
+    pub fn height_field(&self) -> Result<HeightField, TerrainError> {
+        let positive = |key: &str, value: f64| {
+            let good = value.is_finite() && value > 0.0;
+            if good { Ok(()) } else { Err(TerrainError::value(key, value, "a positive number")) }
+        };
+        positive("spacing", self.spacing)?;
+        for size in self.size {
+            positive("size", size)?;
+        }
+        for (key, value) in
+            [("centre", self.centre[0]), ("centre", self.centre[1]), ("friction", self.friction)]
+        {
+            if !value.is_finite() {
+                return Err(TerrainError::value(key, value, "a finite number"));
+            }
+        }
+        let shares = [
+            ("friction", self.friction, f64::MAX),
+            ("restitution", self.restitution, 1.0),
+            ("flat", self.flat, 1e6),
+        ];
+        for (key, value, most) in shares {
+            if !(0.0..=most).contains(&value) {
+                let expected =
+                    if key == "restitution" { "a number from 0 to 1" } else { "a number from 0 up" };
+                return Err(TerrainError::value(key, value, expected));
+            }
+        }
+        let cells = self.size.map(|size| (size / self.spacing).round().max(1.0));
+        let found = (cells[0] + 1.0) * (cells[1] + 1.0);
+        if found > MOST {
+            return Err(TerrainError::Fine { found, most: MOST });
+        }
+        let count = cells.map(|cells| cells as usize + 1);
+        let corner = [0, 1].map(|axis| self.centre[axis] - 0.5 * cells[axis] * self.spacing);
+        let place = |index: usize, axis: usize| corner[axis] + self.spacing * index as f64;
+        let mut heights = vec![0.0; count[0] * count[1]];
+        for (number, layer) in self.layers.iter().enumerate() {
+            // every layer draws of its own
+            let seed = layers::mixed(self.seed ^ (number as u64) << 32);
+            layer.add(&format!("layers[{number}]"), seed, (corner, self.spacing, count), &mut heights)?;
+        }
+        for (index, height) in heights.iter_mut().enumerate() {
+            let (x, y) = (place(index / count[1], 0), place(index % count[1], 1));
+            if !height.is_finite() || height.abs() > 1e6 {
+                return Err(TerrainError::Height { x, y, height: *height });
+            }
+            if self.flat > 0.0 {
+                let share = ((x.hypot(y) - self.flat) / BAND).clamp(0.0, 1.0);
+                *height *= share * share * (3.0 - 2.0 * share);
+            }
+        }
+        let mut next = heights.into_iter();
+        Ok(HeightField::new(corner, self.spacing, count, |_, _| next.next().unwrap_or_default()))
+    }
+}
