@@ -19,7 +19,7 @@ use crate::ranging::{RangeModel, RangeSettings, azimuths, direction};
 ///
 /// ```toml
 /// mount      = { frame = "base", position = [0.1, 0.0, 0.2] }
-/// rays       = 720
+/// rays       = 360
 /// elevations = [-0.26, -0.09, 0.09, 0.26]
 /// most       = 20.0
 /// distance   = { noise = 0.01, resolution = 0.001 }
