@@ -136,8 +136,8 @@ fn a_run_lies_in_the_runtime_folder_of_the_session_where_there_is_one() {
         command
     };
     let mut child = inside(&["run", "graphs/panda-reach.toml", "--for", "60 s", "--json", "--force"])
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
         .spawn()
         .expect("motorium starts");
     let folder = await_run_in(&session.path().join("motorium"), &mut child);
@@ -149,7 +149,8 @@ fn a_run_lies_in_the_runtime_folder_of_the_session_where_there_is_one() {
         rustix::process::Signal::INT,
     )
     .expect("it is there");
-    assert!(child.wait().expect("it ends").success());
+    let ended = child.wait_with_output().expect("it ends");
+    assert!(ended.status.success(), "{}{}", text(&ended), String::from_utf8_lossy(&ended.stderr));
     assert_eq!(leftovers(&id), Vec::<String>::new());
     assert_eq!(fs::read_dir(session.path()).expect("it is there").count(), 0);
     // One that others can write is no such place.

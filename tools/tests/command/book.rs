@@ -228,7 +228,11 @@ fn every_key_of_a_graph_file_and_of_every_kind_is_in_the_book() {
     keys(&graph["properties"], &graph, &mut wanted);
     let tables = graph["properties"].as_object().expect("keys at the top");
     wanted.extend(tables.keys().cloned());
-    assert_documented(&wanted, &["graph-file.md", "graph-file-components.md"]);
+    // a terrain is described where it is simulated
+    assert_documented(
+        &wanted,
+        &["graph-file.md", "graph-file-components.md", "kinds/physics-articulated.md"],
+    );
     let mut kinds = 0;
     for rule in rules.as_array().expect("a list of rules") {
         let Some(kind) = rule.pointer("/if/properties/kind/const").and_then(Json::as_str) else { continue };
@@ -241,6 +245,7 @@ fn every_key_of_a_graph_file_and_of_every_kind_is_in_the_book() {
         let text = read(format!("docs/src/{page}"));
         let shared = [
             ("(../graph-file.md#world)", "graph-file.md"),
+            ("(../graph-file.md#world)", "kinds/physics-articulated.md"),
             ("(sensor-imu.md#configuration)", "kinds/sensor-imu.md"),
         ];
         let shared = shared.iter().filter(|(link, _)| text.contains(link)).map(|(_, page)| *page);

@@ -17,7 +17,7 @@ use crate::ranging::{Pinhole, RangeModel, RangeSettings};
 /// its x.
 ///
 /// ```toml
-/// mount         = { frame = "hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
+/// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
 /// field_of_view = 1.2
 /// most          = 2.0
 /// depth         = { noise = 0.002, resolution = 0.001 }

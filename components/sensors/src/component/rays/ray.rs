@@ -15,7 +15,7 @@ use crate::ranging::RangeSettings;
 /// Configuration of `sensor.ray`. The default is an ideal sensor at the root link that looks along its x.
 ///
 /// ```toml
-/// mount    = { frame = "hand", rpy = [0.0, 1.5708, 0.0] }
+/// mount    = { frame = "panda_hand", rpy = [0.0, 1.5708, 0.0] }
 /// most     = 4.0
 /// distance = { noise = 0.002, resolution = 0.001 }
 /// ```
