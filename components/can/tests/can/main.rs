@@ -11,6 +11,7 @@ mod faults;
 mod mit;
 mod moteus;
 mod odrive;
+mod protocols;
 mod random;
 mod servo;
 mod slcan;
