@@ -3,7 +3,7 @@
 //! [`drives`] holds the protocols as pure codecs, [`bus`] the buses: the bits of frames and their times, a simulated one with
 //! arbitration and error states, those of the kernel ([`SocketBus`]), those behind serial adapters ([`SlcanBus`]), and lines of
 //! serial servos ([`ServoBus`]). A [`Table`] says which drive moves which joint; [`Adapter`] is the logic that commands
-//! them, [`SimulatedDrive`] the counterpart of those of the MIT family. All that is a plain library, usable without the runtime.
+//! them, [`AnySimulatedDrive`] their counterpart. All that is a plain library, usable without the runtime.
 //!
 //! [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) are the components of a graph; they alone know the
 //! runtime.
@@ -37,7 +37,7 @@ pub use drives::range::Range;
 pub use drives::{cia402, damiao, feetech, mit, moteus, odrive, servo};
 pub use frame::{DecodeError, Form, Frame, Id};
 pub use scan::{Device, DeviceKind, Found, scan};
-pub use simulated_drive::SimulatedDrive;
+pub use simulated_drive::{AnySimulatedDrive, Overrides, SimulatedDrive};
 pub use table::{
     BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry, Table, TableError,
     Transmission,

@@ -27,8 +27,9 @@ const OBJECTS: [Object; 5] = [
     Object::INTERPOLATION_EXPONENT,
 ];
 
+/// A drive of CiA 402 with a position loop of its own, or in the mode of velocities or torques.
 #[derive(Clone, Debug)]
-pub(crate) struct Cia402 {
+pub struct Cia402 {
     node: Node,
     increments: f64,
     rated_torque: f64,

@@ -5,8 +5,6 @@ mod mit;
 mod moteus;
 mod odrive;
 mod servo;
-#[cfg(test)]
-mod tests;
 
 use crate::frame::{Frame, Id};
 use crate::table::{Protocol, Table};
@@ -15,26 +13,54 @@ pub use mit::SimulatedDrive;
 
 /// Settings of a simulated drive that are not those of the table.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Overrides {
+pub struct Overrides {
     /// Time of the watchdog, ns; 0 for off.
-    pub(crate) watchdog_ns: Option<u64>,
+    pub watchdog_ns: Option<u64>,
     /// The largest torque of its range, or the rated one, N m.
-    pub(crate) torque: Option<f64>,
+    pub torque: Option<f64>,
 }
 
-/// A simulated drive of any protocol.
+/// A simulated drive of any protocol, as a drive table names it.
+///
+/// ```
+/// use motorium_can::{AnySimulatedDrive, Overrides, Table};
+///
+/// let text = r#"
+/// [[bus]]
+/// name = "line"
+/// kind = "serial"
+/// bitrate = 1_000_000
+///
+/// [[drive]]
+/// joint = "elbow"
+/// bus = "line"
+/// protocol = "feetech"
+/// node = 3
+/// watchdog = "0 s"
+/// ranges = { position = 3.14, velocity = 4.7, torque = 1.9 }
+/// "#;
+/// let table = Table::parse(text)?;
+/// let mut servo = AnySimulatedDrive::new(&table, 0, Overrides::default());
+/// assert_eq!(servo.step(0.5, 0.0, 1_000_000), 0.0, "its torque is off");
+/// # Ok::<(), motorium_can::TableError>(())
+/// ```
 #[derive(Clone, Debug)]
-pub(crate) enum Simulated {
+pub enum AnySimulatedDrive {
+    /// One of the MIT family.
     Mit(Box<SimulatedDrive>),
+    /// An ODrive.
     Odrive(odrive::Odrive),
+    /// A drive of CiA 402.
     Cia402(Box<cia402::Cia402>),
+    /// A moteus.
     Moteus(moteus::Moteus),
+    /// A Feetech servo.
     Servo(servo::Servo),
 }
 
-impl Simulated {
+impl AnySimulatedDrive {
     /// The drive of an entry of a table.
-    pub(crate) fn new(table: &Table, index: usize, overrides: Overrides) -> Self {
+    pub fn new(table: &Table, index: usize, overrides: Overrides) -> Self {
         let entry = &table.drives[index];
         let watchdog_ns = Some(overrides.watchdog_ns.unwrap_or(entry.watchdog.ns)).filter(|ns| *ns > 0);
         match (entry.protocol, table.drive(index)) {
@@ -52,7 +78,7 @@ impl Simulated {
     }
 
     /// Identifiers of the frames that it hears.
-    pub(crate) fn ids(&self) -> Vec<Id> {
+    pub fn ids(&self) -> Vec<Id> {
         match self {
             Self::Mit(drive) => vec![drive.codec().id(), damiao::EVERYBODY],
             Self::Odrive(drive) => drive.ids(),
@@ -63,7 +89,7 @@ impl Simulated {
     }
 
     /// A frame on the bus at `now_ns`, and `answer` for each frame with which it answers.
-    pub(crate) fn receive(&mut self, frame: &Frame, now_ns: u64, answer: &mut dyn FnMut(Frame)) {
+    pub fn receive(&mut self, frame: &Frame, now_ns: u64, answer: &mut dyn FnMut(Frame)) {
         match self {
             Self::Mit(drive) => drive.receive(frame, now_ns).into_iter().for_each(answer),
             Self::Odrive(drive) => drive.receive(frame, now_ns),
@@ -74,7 +100,7 @@ impl Simulated {
     }
 
     /// What it sends by itself until `now_ns`: each frame with its time.
-    pub(crate) fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
+    pub fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
         match self {
             Self::Odrive(drive) => drive.report(now_ns, say),
             Self::Cia402(drive) => drive.report(now_ns, say),
@@ -83,7 +109,7 @@ impl Simulated {
     }
 
     /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: its torque from now on, N m.
-    pub(crate) fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
+    pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         match self {
             Self::Mit(drive) => drive.step(position, velocity, now_ns),
             Self::Odrive(drive) => drive.step(position, velocity, now_ns),
@@ -94,7 +120,7 @@ impl Simulated {
     }
 
     /// Takes its power away: it is disabled when it comes back.
-    pub(crate) fn cut_power(&mut self) {
+    pub fn cut_power(&mut self) {
         match self {
             Self::Mit(drive) => drive.cut_power(),
             Self::Odrive(drive) => drive.cut_power(),
@@ -105,7 +131,7 @@ impl Simulated {
     }
 
     /// True if it follows commands.
-    pub(crate) fn is_enabled(&self) -> bool {
+    pub fn is_enabled(&self) -> bool {
         match self {
             Self::Mit(drive) => drive.is_enabled(),
             Self::Odrive(drive) => drive.is_enabled(),
@@ -116,7 +142,7 @@ impl Simulated {
     }
 
     /// Times that its watchdog let go.
-    pub(crate) fn watchdog_trips(&self) -> u64 {
+    pub fn watchdog_trips(&self) -> u64 {
         match self {
             Self::Mit(drive) => drive.watchdog_trips(),
             Self::Odrive(drive) => drive.watchdog_trips,
@@ -127,7 +153,7 @@ impl Simulated {
     }
 
     /// Its temperature, degrees Celsius.
-    pub(crate) fn temperature(&self) -> f64 {
+    pub fn temperature(&self) -> f64 {
         match self {
             Self::Mit(drive) => drive.temperature(),
             Self::Odrive(drive) => drive.motor.temperature,

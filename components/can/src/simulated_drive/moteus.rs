@@ -8,8 +8,9 @@ use crate::table::{LoopEntry, Table};
 /// The fault of a motor that is too hot.
 const OVER_TEMPERATURE: u8 = 40;
 
+/// A moteus: a position loop with gains that commands scale, and a watchdog that each command sets.
 #[derive(Clone, Debug)]
-pub(crate) struct Moteus {
+pub struct Moteus {
     node: Node,
     gains: LoopEntry,
     /// That which stands in the drive, for commands that name none.

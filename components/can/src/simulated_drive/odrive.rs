@@ -15,7 +15,7 @@ const MOTOR_TOO_HOT: u32 = 0x4_0000;
 /// A drive that gives `kp (position - q) + kd (velocity - v) + torque`: the gain of its position loop times that of its velocity
 /// loop is `kp`, that of its velocity loop `kd`.
 #[derive(Clone, Debug)]
-pub(crate) struct Odrive {
+pub struct Odrive {
     node: Node,
     gains: LoopEntry,
     every_ns: u64,

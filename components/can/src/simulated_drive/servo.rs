@@ -11,8 +11,9 @@ const REGISTERS: usize = 128;
 /// Supply voltage, V.
 const VOLTAGE: f64 = 7.4;
 
+/// A Feetech servo with its registers.
 #[derive(Clone, Debug)]
-pub(crate) struct Servo {
+pub struct Servo {
     number: u8,
     gains: LoopEntry,
     registers: [u8; REGISTERS],

@@ -7,6 +7,7 @@ mod cia402;
 mod components;
 mod damiao;
 mod database;
+mod drives;
 mod faults;
 mod mit;
 mod moteus;
@@ -14,6 +15,7 @@ mod odrive;
 mod protocols;
 mod random;
 mod servo;
+mod servo_line;
 mod slcan;
 mod table;
 

@@ -128,13 +128,13 @@ impl Cia402 {
             self.is_started = true;
             frames.push(self.node.network(NetworkCommand::Start));
         }
+        self.motion.begin(order);
         let (controlword, command) = match order {
             Order::Enable if self.clears == 0 => {
                 (self.state.towards_enabled().unwrap_or(DISABLE_VOLTAGE), Command::default())
             }
             Order::Follow(command) => (0x0f, *command),
             _ => {
-                self.motion.held = None;
                 // at the rising edge of the bit
                 let resets = self.clears == CLEARS - 1;
                 self.clears = self.clears.saturating_sub(1);

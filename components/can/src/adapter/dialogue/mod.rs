@@ -164,6 +164,13 @@ struct Motion {
 }
 
 impl Motion {
+    /// Begins a cycle: a drive that does not follow yet is held nowhere, and stands wherever it has been moved to.
+    fn begin(&mut self, order: &Order) {
+        if !matches!(order, Order::Follow(_)) {
+            self.held = None;
+        }
+    }
+
     /// The position of a command; without a position gain that at which the drive was then.
     fn target(&mut self, command: &Command) -> f64 {
         if command.kp > 0.0 {

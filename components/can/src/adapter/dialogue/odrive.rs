@@ -64,6 +64,7 @@ impl Odrive {
             ControlMode::Position => Quantity::Position,
             ControlMode::Torque => Quantity::Torque,
         };
+        self.motion.begin(order);
         let instruction = match (order, self.begun) {
             (Order::Enable, 0) => Instruction::SetModes(quantity, InputMode::Passthrough),
             // its watchdog is fed, and its setpoint is where it is, before it follows

@@ -44,6 +44,7 @@ impl Servo {
 
     /// What an order writes; `None` for nothing.
     fn written(&mut self, order: &Order) -> Option<Written> {
+        self.motion.begin(order);
         match order {
             Order::Check(_) => None,
             Order::Disable | Order::Rest => Some(Written::Off),

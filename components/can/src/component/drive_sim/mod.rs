@@ -11,8 +11,7 @@ use motorium::state::CanFrame;
 use super::adapter::BATCH;
 use super::faults::{Fault, FaultKind};
 use super::{Equipped, interfaces, load};
-use crate::simulated_drive::{Overrides, Simulated as Drive};
-use crate::{Frame, Id, Table, Transmission};
+use crate::{AnySimulatedDrive as Drive, Frame, Id, Overrides, Table, Transmission};
 
 pub use config::DriveSimulationConfig;
 use simulated::{Simulated, wires};

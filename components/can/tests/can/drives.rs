@@ -1,13 +1,12 @@
 //! The adapter against simulated drives of every protocol on a simulated bus, without a runtime.
 
-use super::{Overrides, Simulated};
-use crate::adapter::{Adapter, Link, OnTrip, Phase, Setpoint, WrongSetting};
-use crate::bus::simulated::Event;
-use crate::{Received, SimulatedBus, Table};
+use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, Setpoint, WrongSetting};
+use motorium_can::bus::simulated::Event;
+use motorium_can::{AnySimulatedDrive, Overrides, Received, SimulatedBus, Table, mit};
 
 const WATCHDOG_NS: u64 = 40_000_000;
 const STEP_NS: u64 = 250_000;
-/// Where the shafts of all drives stand, rad.
+/// Where the shafts of all drives stand at first, rad.
 const SHAFT: f64 = 0.5;
 
 /// A protocol, with what its entries have beside those of all.
@@ -51,12 +50,14 @@ fn all() -> impl Iterator<Item = Case> {
 struct Rig {
     adapter: Adapter,
     bus: SimulatedBus,
-    drives: [Simulated; 2],
+    drives: [AnySimulatedDrive; 2],
     cycle: u64,
     cycle_ns: u64,
     /// The first drive says nothing.
     is_silent: bool,
     torques: [f64; 2],
+    /// Where the shafts stand, rad.
+    shaft: f64,
 }
 
 impl Rig {
@@ -76,11 +77,15 @@ impl Rig {
         Self {
             adapter,
             bus: SimulatedBus::new(table.rates(0), 3, 64),
-            drives: [Simulated::new(&table, 0, overrides), Simulated::new(&table, 1, Overrides::default())],
+            drives: [
+                AnySimulatedDrive::new(&table, 0, overrides),
+                AnySimulatedDrive::new(&table, 1, Overrides::default()),
+            ],
             cycle: 0,
             cycle_ns: case.cycle_ns,
             is_silent: false,
             torques: [0.0; 2],
+            shaft: SHAFT,
         }
     }
 
@@ -131,7 +136,7 @@ impl Rig {
             }
         }
         for (drive, torque) in drives.iter_mut().zip(&mut self.torques) {
-            *torque = drive.step(SHAFT, 0.0, now_ns);
+            *torque = drive.step(self.shaft, 0.0, now_ns);
         }
     }
 
@@ -190,6 +195,27 @@ fn a_silent_drive_of_any_protocol_is_lost_three_cycles_after_its_answers_are_due
 }
 
 #[test]
+fn drives_that_are_enabled_again_begin_where_they_have_been_moved_to() {
+    for case in all() {
+        let mut rig = Rig::healthy(&case);
+        // without power, at another place
+        rig.drives.iter_mut().for_each(AnySimulatedDrive::cut_power);
+        rig.is_silent = true;
+        rig.run(5);
+        (rig.is_silent, rig.shaft) = (false, -1.0);
+        rig.run(10);
+        rig.adapter.resume();
+        let cycles = 400;
+        for cycle in 0..cycles {
+            rig.run(1);
+            let pulls = rig.torques.iter().any(|torque| torque.abs() > 0.4);
+            assert!(!pulls, "{}, cycle {cycle}: {:?}", case.protocol, rig.torques);
+        }
+        assert_eq!(rig.phases(), [Phase::Enabled; 2], "{}", case.protocol);
+    }
+}
+
+#[test]
 fn a_drive_whose_power_was_cut_trips_the_adapter_and_follows_again_once_it_is_resumed() {
     for case in all() {
         let mut rig = Rig::healthy(&case);
@@ -219,22 +245,22 @@ fn drives_let_go_by_their_watchdog_once_nobody_commands_them_and_are_found_so() 
         for now_ns in (killed_ns..safe_ns).step_by(STEP_NS as usize) {
             rig.step(now_ns);
         }
-        assert!(rig.drives.iter().all(Simulated::is_enabled), "{}: before its time", case.protocol);
+        assert!(rig.drives.iter().all(AnySimulatedDrive::is_enabled), "{}: before its time", case.protocol);
         for now_ns in (safe_ns..killed_ns + WATCHDOG_NS + STEP_NS).step_by(STEP_NS as usize) {
             rig.step(now_ns);
         }
-        assert!(!rig.drives.iter().any(Simulated::is_enabled), "{}", case.protocol);
+        assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled), "{}", case.protocol);
         assert!(rig.drives.iter().all(|drive| drive.watchdog_trips() == 1), "{}", case.protocol);
         // the adapter comes back, and finds it out
         rig.cycle = 2 + (killed_ns + WATCHDOG_NS + STEP_NS) / rig.cycle_ns;
         rig.run(150_000_000 / rig.cycle_ns);
         assert!(
-            rig.adapter.has_tripped() && !rig.drives.iter().any(Simulated::is_enabled),
+            rig.adapter.has_tripped() && !rig.drives.iter().any(AnySimulatedDrive::is_enabled),
             "{}",
             case.protocol
         );
         let fault = rig.adapter.links()[0].fault();
-        assert_eq!(fault, Some(crate::mit::Fault::CommunicationLost), "{}", case.protocol);
+        assert_eq!(fault, Some(mit::Fault::CommunicationLost), "{}", case.protocol);
         rig.adapter.resume();
         rig.run(400);
         assert_eq!(rig.phases(), [Phase::Enabled; 2], "{}", case.protocol);
@@ -248,7 +274,7 @@ fn a_canopen_drive_that_keeps_another_watchdog_or_rated_torque_is_not_enabled() 
     for overrides in [no_watchdog, stronger] {
         let mut rig = Rig::new(&CASES[3], overrides);
         rig.run(200);
-        assert!(!rig.drives.iter().any(Simulated::is_enabled));
+        assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled));
         let expected = match overrides.torque {
             Some(found) => WrongSetting::RatedTorque { found, expected: 5.0 },
             None => WrongSetting::Watchdog { found: None, expected: WATCHDOG_NS },
