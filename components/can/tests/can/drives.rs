@@ -203,7 +203,8 @@ fn drives_that_are_enabled_again_begin_where_they_have_been_moved_to() {
         rig.is_silent = true;
         rig.run(5);
         (rig.is_silent, rig.shaft) = (false, -1.0);
-        rig.run(10);
+        // an ODrive tells its state each tenth of a second
+        rig.run(150_000_000 / rig.cycle_ns);
         rig.adapter.resume();
         let cycles = 400;
         for cycle in 0..cycles {
