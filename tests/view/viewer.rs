@@ -65,7 +65,7 @@ impl Viewer {
         }
     }
 
-    /// What it has said since the last call.
+    /// Lines that it has printed since the last call.
     pub(crate) fn said(&self) -> String {
         self.lines.try_iter().collect::<Vec<_>>().join("\n")
     }

@@ -87,7 +87,7 @@ impl Collisions {
         self.positions[index] = pose.translation.vector.into();
     }
 
-    /// Where solid `index` stands: its [placement](CollisionModel::placement) in the world.
+    /// Pose of solid `index`: its [placement](CollisionModel::placement) in the world.
     pub fn pose(&self, index: usize) -> IsometryMatrix3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotations[index].into());
         IsometryMatrix3::from_parts(Vector3::from(self.positions[index]).into(), rotation)

@@ -191,7 +191,7 @@ fn schema(channel: &Channel) -> Schema {
     Schema::new(schema.name.clone(), schema.encoding, schema.data.clone())
 }
 
-/// What is to be added to times of the run's clock for the time since 1970, ns.
+/// Offset from times of the run's clock to the time since 1970, ns.
 fn offset_ns(plan: &Plan, region: &Region) -> u64 {
     let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let wall_ns = u64::try_from(wall.as_nanos()).unwrap_or(u64::MAX);

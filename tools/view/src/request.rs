@@ -35,7 +35,7 @@ pub struct Request {
     pub port: u16,
     /// Most samples of a topic that are sent a second.
     pub rate_hz: f64,
-    /// Where to write a picture of the page, made by a headless browser that also checks it; `None` to serve.
+    /// File for a picture of the page, made by a headless browser that also checks it; `None` to serve.
     #[serde(default)]
     pub headless_check: Option<PathBuf>,
     /// Time of the command, ms since 1970.
