@@ -11,7 +11,7 @@ use serde_json::json;
 
 use crate::out::errln;
 use crate::runs::RunArg;
-use crate::{complete, registry, style};
+use crate::{complete, overheads, registry, style};
 
 /// First argument of the viewer; the order, as JSON, is the second.
 const SERVE: &str = "motorium-view";
@@ -88,6 +88,7 @@ impl View {
             "rate_hz": self.rate,
             "headless_check": self.headless_check,
             "token": self.token,
+            "overheads": overheads::load().overheads,
             "began_ms": u64::try_from(began.as_millis())?,
         });
         // It takes the place of this process, so that signals reach it, and with it the graph that it starts.
