@@ -4,7 +4,7 @@ use super::depth::Polytope;
 use super::pairs::CollisionModel;
 use super::search::{Search, TOUCHING, lines, search};
 use super::solid::pose;
-use super::support::{Placed, v3, vector};
+use super::support::{Placed, v3};
 use crate::Kinematics;
 use crate::algebra::{M3, V3};
 use nalgebra::{Isometry3, IsometryMatrix3, Point3, Rotation3, Unit, Vector3};
