@@ -10,7 +10,7 @@ use tungstenite::{Message, WebSocket};
 
 const WITHIN: Duration = Duration::from_secs(60);
 
-/// What the server sends.
+/// A message of the server.
 #[derive(Debug)]
 pub(crate) enum Heard {
     Text(Json),
@@ -28,7 +28,7 @@ pub(crate) struct Client {
     pub(crate) channels: BTreeMap<String, Json>,
     /// Services by name.
     pub(crate) services: BTreeMap<String, Json>,
-    /// What the server said of itself last.
+    /// Last words of the server about itself.
     pub(crate) info: Json,
     number: u32,
 }

@@ -4,7 +4,7 @@ use super::depth::Polytope;
 use super::pairs::CollisionModel;
 use super::search::{Search, TOUCHING, lines, search};
 use super::solid::pose;
-use super::support::{Placed, v3, vector};
+use super::support::{Placed, v3};
 use crate::Kinematics;
 use crate::algebra::{M3, V3};
 use nalgebra::{Isometry3, IsometryMatrix3, Point3, Rotation3, Unit, Vector3};
@@ -87,7 +87,7 @@ impl Collisions {
         self.positions[index] = pose.translation.vector.into();
     }
 
-    /// Where solid `index` stands: its [placement](CollisionModel::placement) in the world.
+    /// Pose of solid `index`: its [placement](CollisionModel::placement) in the world.
     pub fn pose(&self, index: usize) -> IsometryMatrix3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotations[index].into());
         IsometryMatrix3::from_parts(Vector3::from(self.positions[index]).into(), rotation)

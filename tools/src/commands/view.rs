@@ -1,5 +1,6 @@
 //! `motorium view`: a running graph in 3D, in plots and tables, for our page and for viewers that speak Foxglove's protocol.
 
+use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -10,7 +11,7 @@ use serde_json::json;
 
 use crate::out::errln;
 use crate::runs::RunArg;
-use crate::{complete, exit, registry, style};
+use crate::{complete, overheads, registry, style};
 
 /// First argument of the viewer; the order, as JSON, is the second.
 const SERVE: &str = "motorium-view";
@@ -87,10 +88,11 @@ impl View {
             "rate_hz": self.rate,
             "headless_check": self.headless_check,
             "token": self.token,
+            "overheads": overheads::load().overheads,
             "began_ms": u64::try_from(began.as_millis())?,
         });
-        let ended = Command::new(&program).args([SERVE, &order.to_string()]).status();
-        let status = ended.with_context(|| format!("starting {}", program.display()))?;
-        Ok(if status.success() { ExitCode::SUCCESS } else { exit::FAILED })
+        // It takes the place of this process, so that signals reach it, and with it the graph that it starts.
+        let error = Command::new(&program).args([SERVE, &order.to_string()]).exec();
+        Err(error).with_context(|| format!("starting {}", program.display()))
     }
 }

@@ -1,4 +1,4 @@
-//! What viewers ask of the run, on its way from the server's threads to the one that follows the run.
+//! Requests of viewers to the run, on their way from the server's threads to the one that follows the run.
 
 use std::sync::Arc;
 use std::sync::mpsc::Sender;
@@ -12,7 +12,7 @@ use foxglove::websocket::{
 
 use crate::rights::Rights;
 
-/// What a viewer asks for.
+/// A request of a viewer.
 #[derive(Debug)]
 pub(crate) enum Ask {
     /// The values of these parameters, or of all if none is named.

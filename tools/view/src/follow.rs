@@ -179,7 +179,7 @@ impl Follower {
     }
 
     fn join(&mut self, folder: RunFolder) -> anyhow::Result<()> {
-        let joined = Joined::open(folder, &self.server)?;
+        let joined = Joined::open(folder, &self.server, &self.request.overheads.unwrap_or_default())?;
         stand_aside(&joined.plan.scheduling.shared_cores);
         self.graph = Some(joined.plan.name.clone());
         self.last = Some(joined.folder.id().to_string());

@@ -12,6 +12,7 @@ use motorium::os::monotonic_ns;
 use motorium::plan::{ClockKind, Plan};
 use motorium::region::{Command, Region};
 use motorium::run_folder::RunFolder;
+use motorium::schedule::Overheads;
 use motorium::state::Stamp;
 use motorium::transport::{Domain, ParameterTable, Tap};
 use motorium_bridges::foxglove::{Channel, channels, descriptions};
@@ -53,8 +54,8 @@ struct Topic {
 }
 
 impl Joined {
-    /// Joins a run and advertises its channels.
-    pub(crate) fn open(folder: RunFolder, server: &Server) -> anyhow::Result<Self> {
+    /// Joins a run and advertises its channels; viewers are told the timeline that these overheads predict.
+    pub(crate) fn open(folder: RunFolder, server: &Server, overheads: &Overheads) -> anyhow::Result<Self> {
         let (plan, region) = (folder.plan()?, folder.region()?);
         anyhow::ensure!(
             region.fits(&plan),
@@ -86,7 +87,7 @@ impl Joined {
             let text = serde_json::json!({ "data": description.text }).to_string();
             keep(server.json_channel(&description.topic, "std_msgs/String", TEXT)?, text.into_bytes());
         }
-        let text = graph::describe(folder.id(), &plan).to_string();
+        let text = graph::describe(folder.id(), &plan, overheads).to_string();
         keep(server.json_channel("/motorium/graph", "motorium.Graph", OBJECT)?, text.into_bytes());
         if let Some((schema, message)) = world::scene(&plan) {
             keep(server.channel("/world/scene", "protobuf", schema)?, message);
@@ -191,7 +192,7 @@ fn schema(channel: &Channel) -> Schema {
     Schema::new(schema.name.clone(), schema.encoding, schema.data.clone())
 }
 
-/// What is to be added to times of the run's clock for the time since 1970, ns.
+/// Offset from times of the run's clock to the time since 1970, ns.
 fn offset_ns(plan: &Plan, region: &Region) -> u64 {
     let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let wall_ns = u64::try_from(wall.as_nanos()).unwrap_or(u64::MAX);

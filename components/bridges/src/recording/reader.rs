@@ -107,7 +107,7 @@ pub enum ReadError {
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What is missing or different.
+        /// The part that is missing or different.
         reason: String,
     },
 }

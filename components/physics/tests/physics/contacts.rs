@@ -159,8 +159,15 @@ fn the_arm_pushes_an_object_and_is_pushed_back() {
         let moved = simulation.object_pose(cube).translation.x - 0.2;
         // 3 s at 0.1 m/s, less the first 5 cm of air.
         assert!((moved - 0.25).abs() < 0.01, "{engine:?}: {moved} m");
-        // Sliding friction: mu m g.
-        let effort = simulation.efforts()[0];
+        // Sliding friction: mu m g. On MuJoCo's soft ground the cube rocks as it slides: there half a second's mean.
+        let samples = if engine == Engine::Mujoco { 500 } else { 1 };
+        let mut effort = 0.0;
+        for sample in 0..samples {
+            effort += simulation.efforts()[0] / f64::from(samples);
+            if sample + 1 < samples {
+                run(&mut *simulation, DT);
+            }
+        }
         assert!((effort - 0.4 * 9.81).abs() < 0.2, "{engine:?}: {effort} N");
     }
 }

@@ -9,6 +9,7 @@ import { Plot } from "./plot.js";
 import { Robot } from "./robot.js";
 import { View } from "./scene.js";
 import { Components, Joints } from "./table.js";
+import { Timeline } from "./timeline.js";
 
 const $ = (id) => document.getElementById(id);
 const SCENES = ["foxglove.SceneUpdate"];
@@ -20,6 +21,7 @@ const frames = new Frames();
 const plot = new Plot(connection, $("plot"), $("plot-topic"), $("plot-field"));
 const parameters = new Parameters(connection, $("parameters"));
 const components = new Components($("components"), $("latencies"));
+const timeline = new Timeline($("timeline"));
 const joints = new Joints($("joints"));
 
 let robots = [];
@@ -79,6 +81,7 @@ function begin(about) {
   const others = about.robots.filter((robot) => !robot.is_urdf).map((robot) => robot.name);
   $("note").textContent = others.length ? `not drawn, since not described by URDF: ${others.join(", ")}` : "";
   components.plan(about);
+  timeline.plan(about);
   parameters.plan(about);
   channels();
 }
@@ -149,6 +152,7 @@ connection.subscribe("/motorium/graph", (about) => {
 });
 connection.subscribe("/motorium/top", (top) => {
   components.take(top);
+  timeline.take(top);
   $("time").textContent = `${top.elapsed_s.toFixed(1)} s`;
 });
 
@@ -190,6 +194,7 @@ globalThis.motorium = {
       joints: Object.fromEntries((robot.state?.joints ?? []).map(({ name, position }) => [name, position])),
     })),
     components: (components.rows ?? []).map(([{ text }, , rate]) => ({ name: text, rate: rate.text })),
+    timeline: timeline.state,
     parameters: parameters.values,
     plot: plot.state,
     errors,
