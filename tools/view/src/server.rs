@@ -33,7 +33,7 @@ impl Server {
         let assets = Arc::new(RwLock::new(Assets::default()));
         let served = assets.clone();
         let services = match &asks.player {
-            None => Command::ALL.map(|command| service(command, asks.clone())).to_vec(),
+            None => Command::ALL.iter().map(|command| service(*command, asks.clone())).collect(),
             Some(player) => vec![play(player.clone())],
         };
         let mut server = WebSocketServer::new();
