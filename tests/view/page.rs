@@ -12,7 +12,7 @@ use crate::viewer::{Viewer, installed};
 const WITHIN: Duration = Duration::from_secs(90);
 
 /// True, with a word about it, where there is no browser.
-fn without_browser() -> bool {
+pub(crate) fn without_browser() -> bool {
     let missing = Browser::find().is_none();
     if missing {
         eprintln!("no Chromium on PATH: the page is not tested");
@@ -20,7 +20,7 @@ fn without_browser() -> bool {
     missing
 }
 
-fn until(browser: &mut Browser, what: &str, is_so: impl Fn(&Json) -> bool) -> Json {
+pub(crate) fn until(browser: &mut Browser, what: &str, is_so: impl Fn(&Json) -> bool) -> Json {
     let began = Instant::now();
     loop {
         let state = browser.evaluate("globalThis.motorium ? motorium.state() : null").unwrap();

@@ -26,6 +26,9 @@ pub struct Request {
     /// The graph to start; `None` to look at a run that somebody else has started.
     #[serde(default)]
     pub graph: Option<PathBuf>,
+    /// The recording to play; `None` to look at a run.
+    #[serde(default)]
+    pub recording: Option<PathBuf>,
     /// Options for `motorium run`, besides the graph.
     #[serde(default)]
     pub arguments: Vec<String>,
