@@ -3,7 +3,7 @@
 use motorium_robots::Model;
 
 use crate::joint::JointProperties;
-use crate::{Options, ResetError, WorldError};
+use crate::{LibraryError, Options, ResetError, WorldError};
 
 /// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -23,6 +23,15 @@ pub enum BuildError {
     /// A terrain with the rapier engine.
     #[error("the rapier engine simulates no terrain; use `physics.articulated` (`ArticulatedSimulator`)")]
     Terrain,
+    /// The library of the MuJoCo engine is not there.
+    #[error(transparent)]
+    Library(#[from] LibraryError),
+    /// MuJoCo cannot simulate this robot or world.
+    #[error("MuJoCo refuses the model: {reason}; `physics.articulated` (`ArticulatedSimulator`) may take it")]
+    Refused {
+        /// What MuJoCo says.
+        reason: String,
+    },
     /// The initial state has a mistake.
     #[error("initial state: {0}")]
     State(#[from] ResetError),

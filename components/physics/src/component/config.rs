@@ -34,7 +34,7 @@ pub struct PhysicsConfig {
     pub start: BTreeMap<String, RobotStart>,
     /// Gravity, ground and objects around the robot, in a graph without a `[world]`.
     pub world: World,
-    /// Pushes from outside at stated times; `physics.articulated` alone applies them.
+    /// Pushes from outside at stated times; `physics.rapier` refuses them.
     pub pushes: Vec<PushConfig>,
     /// Settings of the engine.
     pub solver: Options,
@@ -211,6 +211,7 @@ pub(super) fn refused(error: BuildError) -> ConfigError {
         BuildError::World(_) | BuildError::Terrain => ConfigError::key("world", message),
         BuildError::Option { name, .. } => ConfigError::key(format!("solver.{name}"), message),
         BuildError::State(_) => ConfigError::key("position", message),
+        BuildError::Library(_) | BuildError::Refused { .. } => ConfigError::new(message),
         BuildError::FloatingBase { robot } => {
             let message =
                 format!("robot `{robot}` has a floating base, which `physics.rapier` cannot simulate");

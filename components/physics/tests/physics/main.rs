@@ -1,4 +1,4 @@
-//! Tests of the simulators, of their components in graphs, and of the two engines against each other.
+//! Tests of the simulators, of their components in graphs, and of the engines against each other.
 
 mod allocations;
 mod axes;
@@ -16,6 +16,7 @@ mod floating_catalogue;
 mod gait;
 mod integrator;
 mod legged;
+mod mujoco;
 mod panda;
 mod pushes;
 mod several_robots;
