@@ -1,6 +1,6 @@
 //! Errors and warnings of setting up a simulation.
 
-use motorium_robots::Model;
+use motorium_robots::{ActuatorError, Model};
 
 use crate::joint::JointProperties;
 use crate::{Options, ResetError, WorldError};
@@ -23,6 +23,19 @@ pub enum BuildError {
     /// A terrain with the rapier engine.
     #[error("the rapier engine simulates no terrain; use `physics.articulated` (`ArticulatedSimulator`)")]
     Terrain,
+    /// An actuator that is not ideal with the rapier engine.
+    #[error(
+        "the rapier engine simulates ideal drives only; use `physics.articulated` (`ArticulatedSimulator`)"
+    )]
+    IdealDrives,
+    /// The settings of an actuator have a mistake.
+    #[error("actuator of joint \"{joint}\": {error}")]
+    Actuator {
+        /// The joint.
+        joint: String,
+        /// The mistake.
+        error: ActuatorError,
+    },
     /// The initial state has a mistake.
     #[error("initial state: {0}")]
     State(#[from] ResetError),

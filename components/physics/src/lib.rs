@@ -17,6 +17,7 @@ mod contact;
 mod error;
 mod joint;
 mod options;
+mod properties;
 mod rapier;
 mod rays;
 mod robot;
@@ -31,12 +32,15 @@ pub use batch::Batch;
 pub use build::{BuildError, BuildWarning};
 pub use command::JointCommand;
 pub use component::{
-    ArticulatedPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine, PushConfig, RapierPhysics, kinds,
+    ActuatorConfig, ArticulatedPhysics, EnvelopeConfig, Interval, ObjectIntervals, PhysicsComponent,
+    PhysicsConfig, PhysicsEngine, PlaceIntervals, PushConfig, RandomiseConfig, RapierPhysics, RobotIntervals,
+    SurfaceIntervals, ThermalConfig, kinds,
 };
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
 pub use motorium_robots::{Ground, Object, ObjectShape, Terrain, TerrainLayer, World, WorldError};
 pub use options::Options;
+pub use properties::{Properties, Surface};
 pub use rapier::{Enclose, Rapier, RapierSimulator};
 pub use robot::{Robot, RobotSetup};
 pub use rotors::RotorDrive;

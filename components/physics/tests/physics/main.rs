@@ -18,6 +18,7 @@ mod integrator;
 mod legged;
 mod panda;
 mod pushes;
+mod randomise;
 mod several_robots;
 mod standing;
 mod terrain;
