@@ -1,5 +1,6 @@
 //! Tests of the simulators, of their components in graphs, and of the two engines against each other.
 
+mod actuators;
 mod allocations;
 mod axes;
 mod batch;

@@ -132,6 +132,7 @@ fn text(robot: &str, config: &str, rest: &str) -> String {
         r#"
 name = "randomise-test"
 clock = "lockstep"
+duration = "100 ms"
 {rest}
 [robot.one]
 urdf = "{robot}"
@@ -165,9 +166,8 @@ fn check(text: String) -> Result<graph::Checked, graph::GraphError> {
 }
 
 fn run_of(robot: &str, config: &str, rest: &str) -> Report {
-    let mut plan =
+    let plan =
         check(text(robot, config, rest)).unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
-    plan.duration_ns = Some(100_000_000);
     run(plan, &registry(), &Options::inline(), &mut |_| ()).unwrap()
 }
 
@@ -268,7 +268,6 @@ fn ranges_that_cannot_be_are_refused_at_their_place_in_the_file() {
         ("quadruped", "mass = [0.0, 1.0]", "factors from 0.001 to 100", "mass"),
         ("quadruped", "restitution = [0.5, 1.5]", "numbers from 0 to 1", "restitution"),
         ("quadruped", "friction = [-0.5, 1.0]", "factors from 0 to 100", "friction"),
-        ("quadruped", "gravity = [nan, 1.0]", "factors from 0 to 100", "gravity"),
         ("quadruped", "gravity = [1.0]", "length 2", "gravity"),
         ("quadruped", "objects = { cub = { mass = [1.0, 2.0] } }", "it has: cube, wall", "cub"),
         ("quadruped", "objects = { wall = { mass = [1.0, 2.0] } }", "`wall` has no mass", "wall"),

@@ -178,7 +178,7 @@ fn in_free_fall_a_leg_weighs_nothing_whatever_its_attitude() {
         state.orientation.copy_from_slice(rotation.coords.as_slice());
         let velocity = rotation.inverse() * (Vector3::new(0.4, 0.0, 0.1) + GRAVITY * tick.time());
         state.linear_velocity.copy_from_slice(velocity.as_slice());
-        let fallen = GRAVITY * (0.5 * tick.time().powi(2));
+        let fallen = Vector3::new(0.4, 0.0, 0.1) * tick.time() + GRAVITY * (0.5 * tick.time().powi(2));
         state.position.copy_from_slice(fallen.as_slice());
         Some(state)
     });
@@ -308,7 +308,6 @@ fn a_link_that_no_other_carries_is_refused_and_an_unknown_one_named() {
         ("link = \"base\"", "`base` is the root"),
         ("link = \"rodd\"", "did you mean \"rod\"?"),
         ("link = \"rod\", force = { noise = -1.0 }", "force.noise = -1"),
-        ("link = \"rod\", rpy = [nan, 0.0, 0.0]", "finite numbers"),
         ("", "missing"),
     ] {
         let sensor = force_torque(config).robot("rod").subscribe("joint_state", "rod/state");
