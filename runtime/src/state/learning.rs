@@ -1,4 +1,4 @@
-//! What learners and environments exchange: weights, observations, actions, rewards.
+//! Messages between learners and environments: weights, observations, actions, rewards.
 
 #![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
 
@@ -42,7 +42,7 @@ counted_buffer! {
 }
 
 counted_buffer! {
-    /// What an agent sees of its task at one step.
+    /// Observation of an agent at one step.
     ///
     /// ```
     /// use motorium::state::Observation;
@@ -67,7 +67,7 @@ counted_buffer! {
 }
 
 counted_buffer! {
-    /// What an agent does at one step.
+    /// Action of an agent at one step.
     ///
     /// ```
     /// use motorium::state::Action;
@@ -117,7 +117,7 @@ crate::state_buffer! {
 }
 
 impl Reward {
-    /// Whether this is the last step of its episode.
+    /// True if this is the last step of its episode.
     pub fn is_last(&self) -> bool {
         self.terminal != 0 || self.truncated != 0
     }

@@ -8,7 +8,7 @@ use motorium_robots::{ActuatorSettings, Envelope, Model, Thermal};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// What lies between the effort that a drive is asked for and the one that it gives. The default is an ideal actuator.
+/// The stages between the effort that a drive is asked for and the one that it gives. The default is an ideal actuator.
 ///
 /// ```toml
 /// delay      = "2 ms"

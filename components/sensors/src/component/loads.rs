@@ -9,7 +9,7 @@ use super::robot::{Mount, Needs, TrueMotion, name};
 use crate::encoder::StateTimes;
 use crate::loads::{Loads, OutsideForce, WorldWrench};
 
-/// What a simulation drew for the present episode, where its topic is wired.
+/// The draws of a simulation for the present episode, where their topic is wired.
 pub(super) struct Drawn {
     input: Input<Randomisation>,
     seen: (u32, u32, u64),

@@ -216,7 +216,7 @@ fn by_joints(model: &Model, frame: FrameId, needs: Needs) -> bool {
     all || model.frames()[frame.index()].body.is_some()
 }
 
-/// What tells one sample from another.
+/// Identity of a sample, which tells it from another.
 pub(super) fn name(stamp: &Stamp) -> (u32, u32, u64) {
     (stamp.publisher, stamp.restart_count, stamp.sequence)
 }

@@ -225,7 +225,7 @@ fn of_robot(
 }
 
 impl Scene<'_> {
-    /// What `values`, one for each quantity, make of it.
+    /// The start of an episode with `values`, one for each quantity.
     pub(super) fn varied(&self, quantities: &[Quantity], values: &[f64]) -> Start {
         let (model, mut world) = (&self.nominal.model, self.nominal.world.clone());
         let mut surfaces = self.nominal.surfaces.clone();
