@@ -151,6 +151,11 @@ impl TrueMotion {
         &self.model
     }
 
+    /// Position and velocity of the joints, as of the motion that was read last.
+    pub(super) fn joints(&self) -> (&[f64], &[f64]) {
+        (self.model.joints_of_q(&self.q), self.model.joints_of_v(&self.v))
+    }
+
     /// Poses of the links, as of the motion that was read last.
     pub(super) fn kinematics(&self) -> &Kinematics {
         &self.kinematics
@@ -211,7 +216,7 @@ fn by_joints(model: &Model, frame: FrameId, needs: Needs) -> bool {
     all || model.frames()[frame.index()].body.is_some()
 }
 
-/// What tells one sample from another.
+/// Identity of a sample, which tells it from another.
 pub(super) fn name(stamp: &Stamp) -> (u32, u32, u64) {
     (stamp.publisher, stamp.restart_count, stamp.sequence)
 }

@@ -8,6 +8,7 @@ mod encoder;
 mod estimator;
 mod imu;
 mod invariant;
+mod loads;
 mod place;
 mod rays;
 

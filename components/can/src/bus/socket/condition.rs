@@ -1,4 +1,4 @@
-//! The condition of a bus of the computer, and what has happened on it.
+//! The condition of a bus of the computer, and counts of what has happened on it.
 
 use crate::bus::report::ErrorState;
 
@@ -50,7 +50,7 @@ impl From<ErrorState> for Condition {
     }
 }
 
-/// What has happened on a bus of the kernel since it was opened.
+/// Counts of what has happened on a bus of the kernel since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SocketCounts {
     /// Reports of the controller.
