@@ -3,7 +3,10 @@
 use motorium_control::inverse_dynamics::{
     Contact, ContactShape, FrictionModel, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings,
     MotionState,
-    tasks::{CentreOfMassAcceleration, Feedback, ForceRegularisation, MomentumRate, PostureAcceleration},
+    tasks::{
+        AccelerationMinimum, CentreOfMassAcceleration, Feedback, ForceRegularisation, MomentumRate,
+        PostureAcceleration,
+    },
 };
 use motorium_robots::{BaseMode, Dynamics, Kinematics, LoadOptions, Model, Momentum, parse_urdf_with};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -59,8 +62,10 @@ impl Block {
         let state = MotionState { model: &self.model, kinematics: &self.kinematics, q: &self.q, v: &self.v };
         let mut still = PostureAcceleration::new(&self.model, &[0.0], Feedback::critical(5.0));
         let mut even = ForceRegularisation::new(&control);
+        let mut least = AccelerationMinimum::new(&self.model).weight(1.0);
         control.begin(&state, 1e-3);
         control.add_task(&state, 0, &mut still);
+        control.add_task(&state, 0, &mut least);
         control.add_task(&state, 0, &mut even);
         control.solve()?;
         for force in control.solution().forces.as_slice().chunks_exact(3) {
