@@ -12,11 +12,7 @@ use super::tasks::AccelerationTask;
 use super::{JointAccelerationLimits, MotionState};
 use crate::ik::IkError;
 use crate::levels::{Freedom, Level, LevelSolver, Rows};
-use crate::solver::{Constraint, Problem, Side, Sides, Solution, SolveError, Structure};
-
-/// Share of the largest tangential force below which a force is inside its friction cone: an interior-point method never quite
-/// reaches the surface.
-const ON_CONE: f64 = 1e-6;
+use crate::solver::{Problem, Sides, Solution, SolveError, Structure};
 
 /// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of task costs within all
 /// constraints, and the torques for them; see the [module](super). Nothing allocates after construction.
@@ -350,32 +346,11 @@ impl InverseDynamics {
 
     /// Calls `visit` with each constraint, other than equalities, that has a force on the solution of the first level.
     pub fn visit_active(&self, visit: &mut dyn FnMut(super::ConstraintName)) {
-        let (found, least) = (self.solver.solution(), self.solver.least_dual());
-        let side = |dual: f64| if dual > 0.0 { Side::Upper } else { Side::Lower };
-        let rows =
-            found.row_dual.iter().enumerate().map(|(row, dual)| (Constraint::Row(row, side(*dual)), *dual));
-        let bounds = found.bound_dual.iter().enumerate();
-        let bounds = bounds.map(|(bound, dual)| (Constraint::Bound(bound, side(*dual)), *dual));
-        for (constraint, dual) in rows.chain(bounds) {
-            if dual.abs() > least
-                && let Some(name) = self.order.name(constraint)
-            {
+        self.solver.visit_active(&mut |constraint| {
+            if let Some(name) = self.order.name(constraint) {
                 visit(name);
             }
-        }
-        if self.settings.friction_model == FrictionModel::Pyramid {
-            return;
-        }
-        for (contact, place) in self.contacts.iter().enumerate().filter(|(_, place)| place.active) {
-            for point in 0..place.contact.points() {
-                let first = self.order.velocities + 3 * (place.first_point + point);
-                let (tangential, most) =
-                    (found.x[first].hypot(found.x[first + 1]), place.contact.friction * found.x[first + 2]);
-                if tangential > most * (1.0 - ON_CONE) {
-                    visit(super::ConstraintName::Friction { contact, point });
-                }
-            }
-        }
+        });
     }
 
     /// Forgets the tick before, at the beginning of an episode.

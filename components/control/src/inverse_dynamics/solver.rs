@@ -3,13 +3,9 @@
 use super::contact::ContactPlace;
 use super::names::Order;
 use crate::solver::{
-    ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, FrictionCone, Problem, QpSolver,
-    Sides, Solution, SolveError, Structure, UpdateError,
+    ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, Constraint, FrictionCone, Problem,
+    QpSolver, Side, Sides, Solution, SolveError, Structure, UpdateError,
 };
-
-/// Multipliers below this share of the largest are those of constraints that are not active: an interior-point method leaves none
-/// at zero.
-const NOT_ACTIVE: f64 = 1e-6;
 
 /// A solver that is made for one form of friction.
 #[derive(Debug)]
@@ -61,21 +57,19 @@ impl FirstLevel {
         }
     }
 
-    pub(super) fn solution(&self) -> &Solution {
-        match self {
-            Self::Pyramids(solver) => solver.solution(),
-            Self::Cones(solver) => solver.solution(),
+    /// Calls `visit` with each inequality and cone that has a force on the last solution.
+    pub(super) fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
+        let solver = match self {
+            Self::Pyramids(solver) => solver,
+            Self::Cones(solver) => return solver.visit_active(visit),
+        };
+        let found = solver.solution();
+        let side = |dual: f64| if dual > 0.0 { Side::Upper } else { Side::Lower };
+        for (row, dual) in found.row_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
+            visit(Constraint::Row(row, side(*dual)));
         }
-    }
-
-    /// The size beyond which a multiplier of the solution is that of an active constraint.
-    pub(super) fn least_dual(&self) -> f64 {
-        match self {
-            Self::Pyramids(_) => 0.0,
-            Self::Cones(solver) => {
-                let found = solver.solution();
-                NOT_ACTIVE * found.row_dual.amax().max(found.bound_dual.amax())
-            }
+        for (bound, dual) in found.bound_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
+            visit(Constraint::Bound(bound, side(*dual)));
         }
     }
 

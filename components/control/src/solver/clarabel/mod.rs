@@ -12,7 +12,9 @@ mod scaling;
 
 use clarabel::solver::{DefaultSettings, DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus};
 
-use super::{Accuracy, Conflict, Problem, QpSolver, Solution, SolveError, Structure, UpdateError};
+use super::{
+    Accuracy, Conflict, Constraint, Problem, QpSolver, Solution, SolveError, Structure, UpdateError,
+};
 use layout::Layout;
 use scaling::Scaling;
 
@@ -62,6 +64,9 @@ impl ClarabelSettings {
             .expect("every value is one the builder accepts")
     }
 }
+
+/// Share of the way from the axis of a cone to its surface that is left to a point that counts as on it.
+const ON_CONE: f64 = 1e-4;
 
 /// Three variables of a problem that are a contact force within its friction cone: `|(x_t, x_u)| <= mu x_n`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -160,6 +165,22 @@ impl ClarabelSolver {
     /// The solution of the last [`solve`](QpSolver::solve) that had one.
     pub fn solution(&self) -> &Solution {
         &self.solution
+    }
+
+    /// Calls `visit` with each inequality and cone that has a force on the last solution: whose multiplier is larger than what is left
+    /// to its surface, both scaled. An interior-point method leaves neither at zero.
+    pub fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
+        let found = &self.solver.solution;
+        let (first, linear) = (self.structure.equality_count(), self.layout.linear_count());
+        for row in (first..linear).filter(|row| found.z[*row] > found.s[*row]) {
+            visit(self.layout.name(row));
+        }
+        for (cone, slack) in found.s[linear..].chunks_exact(3).enumerate() {
+            let left = slack[0] - slack[1].hypot(slack[2]);
+            if left < ON_CONE * slack[0] && found.z[linear + 3 * cone] > left {
+                visit(Constraint::Cone(cone));
+            }
+        }
     }
 
     fn conflict(&self) -> Conflict {
