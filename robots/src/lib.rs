@@ -36,6 +36,7 @@
 //! ```
 
 mod algebra;
+mod appearance;
 mod catalogue;
 mod configuration;
 mod dynamics;
@@ -61,6 +62,7 @@ mod twist;
 mod urdf;
 mod world;
 
+pub use appearance::{Appearance, Checker, Colour, Light, LinkColours};
 pub use catalogue::{Entry, catalogue};
 pub use dynamics::{
     ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,

@@ -103,8 +103,13 @@ impl Joined {
 
     /// Sends the newest sample of each topic that somebody looks at, and all of those of which none may be left out.
     pub(crate) fn send(&mut self) {
-        for topic in &mut self.topics {
-            if !topic.channels.iter().any(|(_, raw)| raw.has_sinks()) {
+        let looked_at =
+            self.topics.iter().flat_map(|topic| &topic.channels).filter(|(_, raw)| raw.has_sinks());
+        let told: Vec<usize> = looked_at.filter_map(|(channel, _)| channel.form_topic()).collect();
+        for place in 0..self.topics.len() {
+            let topic = &mut self.topics[place];
+            let tells = told.contains(&topic.index);
+            if !tells && !topic.channels.iter().any(|(_, raw)| raw.has_sinks()) {
                 // Its place is free for others.
                 topic.tap = None;
                 continue;
@@ -113,7 +118,12 @@ impl Joined {
                 if Instant::now() < topic.not_before {
                     continue;
                 }
-                match Tap::open(&self.domain, &self.plan.topics[topic.index]) {
+                let planned = &self.plan.topics[topic.index];
+                let tap = match planned.pattern {
+                    TopicPattern::Slices { .. } => Tap::of_slices(&self.domain, planned),
+                    TopicPattern::State | TopicPattern::Stream { .. } => Tap::open(&self.domain, planned),
+                };
+                match tap {
                     Ok(tap) => topic.tap = Some(tap),
                     Err(error) => {
                         eprintln!("{error}");
@@ -123,6 +133,12 @@ impl Joined {
                 }
             }
             topic.send(&self.plan, self.offset_ns, &mut self.message);
+            if tells {
+                let (index, form) = (topic.index, std::mem::take(&mut topic.newest));
+                let channels = self.topics.iter_mut().flat_map(|topic| &mut topic.channels);
+                channels.for_each(|(channel, _)| channel.note(index, &form));
+                self.topics[place].newest = form;
+            }
         }
     }
 
