@@ -10,7 +10,7 @@ use motorium_bridges::foxglove::Derived;
 use serde_json::{Value as Json, json};
 
 use crate::client::{Client, Heard};
-use crate::support::{Run, await_that, machine, panda_reach, workspace};
+use crate::support::{Run, await_that, is_alive, machine, panda_reach, workspace};
 use crate::viewer::Viewer;
 
 const SUBPROTOCOL: &str = "foxglove.sdk.v1";
@@ -258,6 +258,17 @@ fn another_run_of_the_graph_takes_the_place_of_one_that_has_ended() {
     });
     let header = second.folder.region().unwrap();
     assert!(header.header().start_ns.load(Relaxed) > 0);
+}
+
+#[test]
+fn a_viewer_that_is_told_to_end_ends_the_graph_that_it_has_started() {
+    let _machine = machine();
+    let mut viewer = Viewer::start(&["graphs/panda-reach.toml", "--", "--for", "300s"], &[]);
+    await_that("the graph runs", || viewer.descendants().len() > 5);
+    let started = viewer.descendants();
+    let ended = viewer.end();
+    assert!(ended.success(), "{ended}: {}", viewer.said());
+    await_that("all that it has started is gone", || !started.iter().any(|pid| is_alive(*pid)));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What learners and environments exchange: weights, observations, actions, rewards.
+//! Messages between learners and environments: weights, observations, actions, rewards.
 
 #![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
 
@@ -40,7 +40,7 @@ counted_buffer! {
 }
 
 counted_buffer! {
-    /// What an agent sees of its task at one step.
+    /// Observation of an agent at one step.
     ///
     /// ```
     /// use motorium::state::Observation;
@@ -65,7 +65,7 @@ counted_buffer! {
 }
 
 counted_buffer! {
-    /// What an agent does at one step.
+    /// Action of an agent at one step.
     ///
     /// ```
     /// use motorium::state::Action;
@@ -115,7 +115,7 @@ crate::state_buffer! {
 }
 
 impl Reward {
-    /// Whether this is the last step of its episode.
+    /// True if this is the last step of its episode.
     pub fn is_last(&self) -> bool {
         self.terminal != 0 || self.truncated != 0
     }

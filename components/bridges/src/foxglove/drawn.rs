@@ -122,7 +122,7 @@ impl Drawing {
         Self { name, schema, kind }
     }
 
-    /// What it draws, the last part of the name of its channel.
+    /// Name of what it draws, the last part of the name of its channel.
     pub fn name(&self) -> &'static str {
         self.name
     }

@@ -332,7 +332,7 @@ impl Recorded {
     }
 }
 
-/// What stands at the beginning of a file.
+/// Bytes at the beginning of a file.
 fn head(writer: &mut Writer, plan: &Plan, settings: &Settings, start_ns: u64) -> Result<(), McapError> {
     let mut facts = BTreeMap::new();
     let mut fact = |name: &str, value: String| facts.insert(name.to_string(), value);

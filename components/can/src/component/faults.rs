@@ -23,7 +23,7 @@ pub struct FaultConfig {
     pub at: TimeSpan,
     /// Time that it lasts. Default: until the end.
     pub lasts: Option<TimeSpan>,
-    /// What happens.
+    /// Kind of the fault.
     pub kind: FaultKind,
     /// The joint whose drive it befalls; of the kinds "silent", "late", "wrong_length", "corrupt", "duplicate", "twin", "off".
     pub joint: Option<String>,

@@ -64,7 +64,7 @@ pub(super) fn down(bus: usize, time_ns: u64) -> CanFrame {
     CanFrame { receive_time: time_ns, flags: CanFrame::ERROR, bus: bus as u32, ..CanFrame::default() }
 }
 
-/// What a simulated interface tells of itself.
+/// State of a simulated interface.
 #[derive(Debug, PartialEq)]
 pub(super) enum News {
     /// It is down.

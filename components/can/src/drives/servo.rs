@@ -19,7 +19,7 @@ pub enum Protocol {
     Two,
 }
 
-/// What is asked of servos.
+/// A request to servos.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Instruction<'a> {
     /// To answer.

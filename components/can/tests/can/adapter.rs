@@ -7,7 +7,7 @@ use motorium_can::{Frame, Id, Range, Received, SimulatedBus, SimulatedDrive, Tab
 const CYCLE_NS: u64 = 1_000_000;
 const DELAY_NS: u64 = 50_000;
 
-/// What befalls the answers of a drive: the answers in its place, with their delays.
+/// Fault of the answers of a drive: the answers in its place, with their delays.
 type Befalls = fn(u64, Frame) -> Vec<(Frame, u64)>;
 
 /// Two drives on a bus, and the adapter.

@@ -117,7 +117,7 @@ fn terminal() -> (File, String) {
 
 const RATES: Rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
 
-/// Whatever has come on a terminal by now.
+/// Bytes that have come on a terminal by now.
 fn written(terminal: &mut File) -> Vec<u8> {
     let (mut all, mut bytes) = (Vec::new(), [0; 4096]);
     while let Ok(length @ 1..) = terminal.read(&mut bytes) {

@@ -139,7 +139,7 @@ impl Laws {
         }
     }
 
-    /// Whether the drive's effort is below what its command alone would give.
+    /// True if the drive's effort is below what its command alone would give.
     pub(super) fn is_saturated(&self, x: f64) -> bool {
         let raw = self.drive_0 - self.drive_slope * x;
         raw > self.highest(x) || raw < self.lowest(x)

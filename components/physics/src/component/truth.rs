@@ -1,4 +1,4 @@
-//! What sensors measure besides the joints: contact points on the robot, poses of the objects of the world.
+//! True values that sensors measure besides the joints: contact points on the robot, poses of the objects of the world.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{Declare, StepError};

@@ -241,7 +241,7 @@ fn by_base(model: &Model, frame: Option<FrameId>, needs: Needs) -> bool {
     model.base().floating && (frame.is_some() || needs == Needs::AllLinks)
 }
 
-/// What tells one sample from another.
+/// Identity of a sample, which tells it from another.
 pub(super) fn name(stamp: &Stamp) -> (u32, u32, u64) {
     (stamp.publisher, stamp.restart_count, stamp.sequence)
 }

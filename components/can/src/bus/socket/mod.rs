@@ -72,7 +72,7 @@ impl From<ErrorState> for Condition {
     }
 }
 
-/// What has happened on a bus of the kernel since it was opened.
+/// Counts of what has happened on a bus of the kernel since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SocketCounts {
     /// Reports of the controller.

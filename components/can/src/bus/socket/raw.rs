@@ -41,7 +41,7 @@ fn empty(can_id: u32, len: u8, flags: u8, data: [u8; 64]) -> canfd_frame {
     frame
 }
 
-/// What the kernel delivers as a frame.
+/// A frame as the kernel delivers it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Delivered {
     /// A data frame.

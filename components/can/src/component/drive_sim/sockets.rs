@@ -106,7 +106,7 @@ impl Sockets {
     }
 
     /// Lets `hear` have each frame that was received, with its bus and its time; what it returns is sent when its time has come.
-    /// How many answers there was no room for.
+    /// Number of answers for which there was no room.
     pub(super) fn receive(
         &mut self,
         mut hear: impl FnMut(usize, &Frame, u64, &mut dyn FnMut(Frame, u64)),
