@@ -87,7 +87,7 @@ impl Model {
 }
 
 impl Model {
-    /// Whether a joint, or the floating base, moves a frame.
+    /// True if a joint, or the floating base, moves a frame.
     pub fn moves(&self, frame: FrameId) -> bool {
         let frame = &self.frames()[frame.index()];
         frame.body.is_some() || (self.base().floating && !frame.in_world)

@@ -1,6 +1,7 @@
 //! Suggests the known name nearest to a misspelt one: "did you mean ...?".
 
-/// What is longer than this, in bytes, is no slip of the finger, and would take long to compare.
+/// Length of the longest word compared, in bytes: a longer one is no slip of the finger, and would
+/// take long to compare.
 const LONGEST: usize = 256;
 
 /// The known name nearest to what was written, if any is near enough to be meant.

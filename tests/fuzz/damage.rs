@@ -122,7 +122,7 @@ impl Damage {
     }
 }
 
-/// Where the numbers of a text stand.
+/// Places of the numbers in a text.
 fn numbers(bytes: &[u8]) -> Vec<std::ops::Range<usize>> {
     let mut found: Vec<std::ops::Range<usize>> = Vec::new();
     for (at, byte) in bytes.iter().enumerate() {

@@ -34,7 +34,7 @@ fn starts_a_program(bytes: &[u8]) -> bool {
     bytes.windows(4).any(|word| word == b"exec")
 }
 
-/// What damage makes of a file that is laid over a graph, or that extends one.
+/// Damage to a file that is laid over a graph, or that extends one.
 #[test]
 fn overlays() {
     let corpus = files(&["graphs/overlays", "runtime/tests/graph_file/overlays", "graphs"], &[".toml"]);

@@ -26,7 +26,7 @@ fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
 }
 
-/// Whether the program under test can be started by other users.
+/// True if the program under test can be started by other users.
 fn others_can_start() -> bool {
     let mut command = motorium(&["--version"]);
     command.uid(NOBODY).gid(NOBODY).output().is_ok_and(|output| output.status.success())

@@ -30,7 +30,7 @@ fn python(modules: &str) -> Option<PathBuf> {
     None
 }
 
-/// What a script prints, of which the arguments are paths.
+/// Output of a script of which the arguments are paths.
 fn printed(python: &Path, script: &str, arguments: &[&Path]) -> String {
     let output = Command::new(python).args(["-c", script]).args(arguments).output().expect("python runs");
     let errors = String::from_utf8_lossy(&output.stderr);

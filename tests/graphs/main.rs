@@ -15,6 +15,7 @@ mod faults;
 mod feeding;
 mod gaits;
 mod hangs;
+mod latches;
 mod looking_on;
 mod moves;
 mod places;

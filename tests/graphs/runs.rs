@@ -70,7 +70,7 @@ fn call(line: &str) -> Option<Call> {
     }
 }
 
-/// Whether a wake comes before the next wait.
+/// True if a wake comes before the next wait.
 fn wakes_next(calls: &[Call]) -> bool {
     calls.iter().find(|call| matches!(call, Call::Wait | Call::Wake)) == Some(&Call::Wake)
 }

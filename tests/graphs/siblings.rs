@@ -56,7 +56,7 @@ impl Installed {
         Ended::of(&self.motorium(&[&["run", "graph.toml", "--json"], arguments].concat()))
     }
 
-    /// What `check` complains of, without the folder.
+    /// Complaint of `check`, without the folder.
     fn complaint(&self) -> String {
         let output = self.motorium(&["check", "graph.toml"]);
         assert!(!output.status.success(), "it should be refused");

@@ -112,7 +112,7 @@ impl Run {
         std::thread::sleep(Duration::from_millis(100));
     }
 
-    /// Whether it has ended.
+    /// True if it has ended.
     pub(crate) fn has_ended(&mut self) -> bool {
         let child = self.child.as_mut().expect("the run has a process");
         child.try_wait().expect("the process can be asked").is_some()
@@ -137,7 +137,7 @@ impl Run {
         self.look(component, steps)
     }
 
-    /// Whether a component applies its safe state.
+    /// True if a component applies its safe state.
     pub(crate) fn is_safe(&self, component: &str) -> bool {
         self.look(component, |block| block.safe.load(std::sync::atomic::Ordering::Relaxed) != 0)
     }

@@ -10,7 +10,7 @@ use tungstenite::{Message, WebSocket};
 
 const WITHIN: Duration = Duration::from_secs(60);
 
-/// What the server sends.
+/// A message of the server.
 #[derive(Debug)]
 pub(crate) enum Heard {
     Text(Json),
@@ -20,6 +20,20 @@ pub(crate) enum Heard {
     Answer(u32, Json),
     /// Request, the file or what is wrong.
     Asset(u32, Result<Vec<u8>, String>),
+    /// How a recording is played.
+    Playback(Playback),
+}
+
+/// State of a recording that is played.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Playback {
+    /// 0 while it plays, 1 while it is held, 3 at its end.
+    pub(crate) status: u8,
+    pub(crate) time_ns: u64,
+    pub(crate) speed: f32,
+    pub(crate) did_seek: bool,
+    /// The request that it answers; empty if it answers none.
+    pub(crate) request: String,
 }
 
 pub(crate) struct Client {
@@ -28,7 +42,7 @@ pub(crate) struct Client {
     pub(crate) channels: BTreeMap<String, Json>,
     /// Services by name.
     pub(crate) services: BTreeMap<String, Json>,
-    /// What the server said of itself last.
+    /// Last words of the server about itself.
     pub(crate) info: Json,
     number: u32,
 }
@@ -70,6 +84,15 @@ impl Client {
                         let error = String::from_utf8_lossy(&bytes[10..10 + length]).into_owned();
                         let file = if bytes[5] == 0 { Ok(bytes[10 + length..].to_vec()) } else { Err(error) };
                         return Heard::Asset(word(&bytes[1..]), file);
+                    }
+                    5 => {
+                        return Heard::Playback(Playback {
+                            status: bytes[1],
+                            time_ns: long(&bytes[2..]),
+                            speed: f32::from_le_bytes(bytes[10..14].try_into().unwrap()),
+                            did_seek: bytes[14] == 1,
+                            request: String::from_utf8_lossy(&bytes[19..]).into_owned(),
+                        });
                     }
                     _ => {}
                 },
@@ -195,6 +218,23 @@ impl Client {
             Heard::Text(text) if text["op"] == "serviceCallFailure" && text["callId"] == call => {
                 Some(Err(text["message"].as_str().unwrap().to_string()))
             }
+            _ => None,
+        })
+    }
+
+    /// Asks that a recording is played or held, at a speed, from another place if one is given; the answer.
+    pub(crate) fn control(&mut self, plays: bool, speed: f32, seek_ns: Option<u64>) -> Playback {
+        self.number += 1;
+        let request = format!("request {}", self.number);
+        let mut order = vec![3, u8::from(!plays)];
+        order.extend(speed.to_le_bytes());
+        order.push(u8::from(seek_ns.is_some()));
+        order.extend(seek_ns.unwrap_or(0).to_le_bytes());
+        order.extend((request.len() as u32).to_le_bytes());
+        order.extend(request.bytes());
+        self.socket.send(Message::binary(order)).expect("it is sent");
+        self.hear_until("the state of the recording", |_, heard| match heard {
+            Heard::Playback(state) if state.request == request => Some(state.clone()),
             _ => None,
         })
     }

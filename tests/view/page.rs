@@ -12,7 +12,7 @@ use crate::viewer::{Viewer, installed};
 const WITHIN: Duration = Duration::from_secs(90);
 
 /// True, with a word about it, where there is no browser.
-fn without_browser() -> bool {
+pub(crate) fn without_browser() -> bool {
     let missing = Browser::find().is_none();
     if missing {
         eprintln!("no Chromium on PATH: the page is not tested");
@@ -20,7 +20,7 @@ fn without_browser() -> bool {
     missing
 }
 
-fn until(browser: &mut Browser, what: &str, is_so: impl Fn(&Json) -> bool) -> Json {
+pub(crate) fn until(browser: &mut Browser, what: &str, is_so: impl Fn(&Json) -> bool) -> Json {
     let began = Instant::now();
     loop {
         let state = browser.evaluate("globalThis.motorium ? motorium.state() : null").unwrap();
@@ -76,6 +76,22 @@ fn the_page_commands_the_run_and_survives_its_end() {
     });
     assert!(state["triangles"].as_u64().unwrap() > 100, "{state}");
     until(&mut browser, "the plot has points", |state| state["plot"]["points"].as_u64() > Some(10));
+
+    let state = until(&mut browser, "the timeline has measured steps", |state| {
+        let lanes = state["timeline"]["lanes"].as_array();
+        lanes.is_some_and(|lanes| lanes.len() == 4 && lanes.iter().all(|lane| lane["measured"][0].is_array()))
+    });
+    for lane in state["timeline"]["lanes"].as_array().unwrap() {
+        // [start, end, p99] of the first step, and [start, end, activity] of its prediction
+        let (measured, first) = (&lane["measured"][0], &lane["predicted"][0]);
+        let times: Vec<f64> = measured.as_array().unwrap().iter().filter_map(Json::as_f64).collect();
+        assert!(times.is_sorted() && times[0] < times[1], "{lane}");
+        assert!(first[0].as_u64() < first[1].as_u64(), "{lane}");
+    }
+    assert_eq!(
+        browser.evaluate("document.querySelectorAll('#timeline .predicted').length > 4").unwrap(),
+        true
+    );
 
     // a slider
     let name = browser

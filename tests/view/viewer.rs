@@ -3,7 +3,7 @@
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 
@@ -65,9 +65,33 @@ impl Viewer {
         }
     }
 
-    /// What it has said since the last call.
+    /// Lines that it has printed since the last call.
     pub(crate) fn said(&self) -> String {
         self.lines.try_iter().collect::<Vec<_>>().join("\n")
+    }
+
+    /// Asks it to end, as a service manager does, and waits for its end.
+    pub(crate) fn end(&mut self) -> ExitStatus {
+        signal(self.child.id(), Signal::TERM);
+        self.child.wait().expect("it ends")
+    }
+
+    /// Processes that it has started, and theirs.
+    pub(crate) fn descendants(&self) -> Vec<u32> {
+        let mut found = vec![self.child.id()];
+        let mut next = 0;
+        while let Some(parent) = found.get(next) {
+            let threads = std::fs::read_dir(format!("/proc/{parent}/task")).into_iter().flatten().flatten();
+            let lists =
+                threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("children")).ok());
+            let children: Vec<u32> = lists
+                .flat_map(|list| list.split_whitespace().map(str::to_string).collect::<Vec<_>>())
+                .filter_map(|pid| pid.parse().ok())
+                .collect();
+            found.extend(children);
+            next += 1;
+        }
+        found.split_off(1)
     }
 
     /// The address of the page, with the right to command.
@@ -87,13 +111,11 @@ impl Viewer {
 
 impl Drop for Viewer {
     fn drop(&mut self) {
-        // The command waits for the viewer, which ends the graph that it has started.
-        let children = format!("/proc/{0}/task/{0}/children", self.child.id());
-        let children = std::fs::read_to_string(children).unwrap_or_default();
-        children
-            .split_whitespace()
-            .filter_map(|pid| pid.parse().ok())
-            .for_each(|pid| signal(pid, Signal::TERM));
+        if self.child.try_wait().is_ok_and(|ended| ended.is_some()) {
+            return;
+        }
+        // It ends the graph that it has started.
+        signal(self.child.id(), Signal::TERM);
         let began = Instant::now();
         while self.child.try_wait().is_ok_and(|ended| ended.is_none()) {
             if began.elapsed() > Duration::from_secs(30) {

@@ -14,7 +14,7 @@ pub(crate) fn latch_words(latch: Latch) -> &'static str {
     }
 }
 
-/// What a gate did, as one line; `None` if every command passed as it was.
+/// Summary of a gate as one line; `None` if every command passed as it was.
 pub(crate) fn words(gate: &GateReport) -> Option<String> {
     let mut parts = Vec::new();
     if let Some(latch) = gate.latch {

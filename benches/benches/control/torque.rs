@@ -17,7 +17,7 @@ use crate::bipeds::Biped;
 
 const DT: f64 = 0.001;
 
-/// What the humanoid does besides standing.
+/// Tasks of the humanoid besides standing.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Tasks {
     /// Centre of mass and posture.

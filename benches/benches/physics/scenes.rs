@@ -1,4 +1,4 @@
-//! What is simulated: robots that move or stand, and boxes that fall into a pile.
+//! Simulated scenes: robots that move or stand, and boxes that fall into a pile.
 
 use std::path::Path;
 

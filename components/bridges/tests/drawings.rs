@@ -1,4 +1,4 @@
-//! What viewers draw, against the models of robots.
+//! Drawings of viewers, against the models of robots.
 
 use foxglove::Decode as _;
 use foxglove::messages::{FrameTransforms, JointStates};

@@ -11,7 +11,7 @@ use crate::frame::{Frame, Id};
 pub struct Device {
     /// Its number on the bus.
     pub node: u8,
-    /// What it is.
+    /// Kind of the drive.
     pub kind: DeviceKind,
 }
 
@@ -41,7 +41,7 @@ pub enum DeviceKind {
     },
 }
 
-/// What was found on a bus.
+/// Drives found on a bus.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
     /// The devices, by their numbers.

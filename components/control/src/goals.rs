@@ -43,7 +43,7 @@ pub struct GoalTolerance {
 }
 
 impl GoalTolerance {
-    /// Whether an error is within the tolerance.
+    /// True if an error is within the tolerance.
     pub fn allows(&self, error: GoalError) -> bool {
         error.position <= self.position && error.orientation.is_none_or(|angle| angle <= self.orientation)
     }

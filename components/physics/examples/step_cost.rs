@@ -83,7 +83,7 @@ fn with_block() -> Result<World, Box<dyn std::error::Error>> {
     Ok(World { ground: Some(Ground::default()), objects: vec![block], ..World::default() })
 }
 
-/// So many Pandas side by side, out of reach of one another.
+/// Several Pandas side by side, out of reach of one another.
 fn arms(panda: &Model, count: usize) -> Result<Model, Box<dyn std::error::Error>> {
     let prefixes: Vec<String> = (0..count).map(|arm| format!("{arm}/")).collect();
     let placed = prefixes.iter().enumerate().map(|(arm, prefix)| Placed {

@@ -61,7 +61,7 @@ impl<E: Engine + Send> Batch<E> {
     ///
     /// # Panics
     ///
-    /// Where `count` is zero, or robots differ in size.
+    /// If `count` is zero, or robots differ in size.
     pub fn new(
         count: usize,
         threads: usize,

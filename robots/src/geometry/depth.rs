@@ -143,7 +143,7 @@ impl Polytope {
         Some(())
     }
 
-    /// Where it is kept.
+    /// Index at which it is kept.
     fn add_face(&mut self, corners: [usize; 3], neighbours: [usize; 3]) -> usize {
         let [a, b, c] = corners.map(|corner| self.corners[corner].at);
         let normal = (b - a).cross(c - a);

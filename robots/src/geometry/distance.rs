@@ -1,25 +1,15 @@
-//! The workspace that measures distances: Gilbert, Johnson and Keerthi's algorithm (parry's) on the cores, the
-//! expanding polytope where they overlap.
+//! The workspace that measures the distances of the pairs of a collision model.
 
 use super::depth::Polytope;
 use super::pairs::CollisionModel;
+use super::search::{Search, TOUCHING, lines, search};
 use super::solid::pose;
-use super::support::{Placed, v3, vector};
+use super::support::{Placed, v3};
 use crate::Kinematics;
 use crate::algebra::{M3, V3};
 use nalgebra::{Isometry3, IsometryMatrix3, Point3, Rotation3, Unit, Vector3};
-use parry3d_f64::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
+use parry3d_f64::query::gjk::VoronoiSimplex;
 use parry3d_f64::query::{ClosestPoints, DefaultQueryDispatcher, QueryDispatcher};
-
-/// Closer than this \[m\] the direction from one point to the other is noise.
-const TOUCHING: f64 = 1e-9;
-
-/// A distance this near to what a separating plane proves is good \[m\], and how often a search may start again for it.
-const SETTLED: f64 = 1e-9;
-const AGAIN: usize = 4;
-
-/// Projections from one core to the other and back, at most.
-const ALTERNATIONS: usize = 30;
 
 /// The distance of two solids.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,7 +87,7 @@ impl Collisions {
         self.positions[index] = pose.translation.vector.into();
     }
 
-    /// Where solid `index` stands: its [placement](CollisionModel::placement) in the world.
+    /// Pose of solid `index`: its [placement](CollisionModel::placement) in the world.
     pub fn pose(&self, index: usize) -> IsometryMatrix3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotations[index].into());
         IsometryMatrix3::from_parts(Vector3::from(self.positions[index]).into(), rotation)
@@ -293,128 +283,4 @@ impl Collisions {
             normal: Unit::new_unchecked(normal.into()),
         }
     }
-}
-
-/// The result of a search.
-enum Search {
-    /// Points of both cores and the normal from the first to the second.
-    Found(V3, V3, V3),
-    /// They are farther apart than the range.
-    Farther,
-    /// It does not settle, from wherever it starts.
-    Lost,
-}
-
-/// Nearest (or deepest) points of two cores.
-fn search(
-    simplex: &mut VoronoiSimplex,
-    polytope: &mut Polytope,
-    pair: &[Placed<'_>; 2],
-    range: f64,
-    hint: V3,
-) -> Search {
-    let still = parry3d_f64::math::Pose::IDENTITY;
-    let [first, second] = pair;
-    let (x, y) = (V3::new(1.0, 0.0, 0.0), V3::new(0.3, 1.0, -0.2));
-    for start in [hint, second.position, x, y].into_iter().filter(|start| start.dot(*start) > 0.0) {
-        let start = start * (1.0 / start.dot(start).sqrt());
-        simplex.reset(CsoPoint::from_shapes(&still, first, second, vector(start)));
-        match closest_points(&still, first, second, range, true, simplex) {
-            GJKResult::ClosestPoints(p, q, along) => {
-                let (p, q) = (v3(p), v3(q));
-                let way = q - p;
-                let gap = way.dot(way).sqrt();
-                if gap <= TOUCHING {
-                    return Search::Found(p, q, v3(along));
-                }
-                return settle(simplex, pair, (p, q, gap));
-            }
-            GJKResult::Intersection => {
-                return polytope
-                    .search(pair)
-                    .map_or(Search::Lost, |(p, q, normal)| Search::Found(p, q, normal));
-            }
-            // Also returned where the search gives up: only a gap along the direction proves it.
-            GJKResult::NoIntersection(along) => {
-                if -along.dot(CsoPoint::from_shapes(&still, first, second, along).point) > range {
-                    return Search::Farther;
-                }
-            }
-            GJKResult::Proximity(_) => {}
-        }
-    }
-    Search::Lost
-}
-
-/// Continues a search that stopped early: on round cores the simplex becomes so small that its rounding stops the search
-/// some micrometres short. A plane square to the direction found shows it; a restart without the old corners goes on.
-fn settle(simplex: &mut VoronoiSimplex, pair: &[Placed<'_>; 2], found: (V3, V3, f64)) -> Search {
-    let still = parry3d_f64::math::Pose::IDENTITY;
-    let [first, second] = pair;
-    let (mut p, mut q, mut gap) = found;
-    // From one to the other and back comes ever nearer (Cheney and Goldstein 1959).
-    for _ in 0..ALTERNATIONS {
-        let Some(a) = first.project(q) else { break };
-        let Some(b) = second.project(a) else { break };
-        let nearer = (b - a).dot(b - a).sqrt();
-        if nearer >= gap || nearer <= TOUCHING {
-            break;
-        }
-        let gain = gap - nearer;
-        (p, q, gap) = (a, b, nearer);
-        if gain < 1e-13 {
-            break;
-        }
-    }
-    for _ in 0..AGAIN {
-        let normal = (q - p) * (1.0 / gap);
-        let outmost = CsoPoint::from_shapes(&still, first, second, vector(normal));
-        if gap + v3(outmost.point).dot(normal) <= SETTLED {
-            break;
-        }
-        simplex.reset(outmost);
-        let GJKResult::ClosestPoints(a, b, _) =
-            closest_points(&still, first, second, f64::MAX, true, simplex)
-        else {
-            break;
-        };
-        let (a, b) = (v3(a), v3(b));
-        let nearer = (b - a).dot(b - a).sqrt();
-        if nearer >= gap || nearer <= TOUCHING {
-            break;
-        }
-        (p, q, gap) = (a, b, nearer);
-    }
-    Search::Found(p, q, (q - p) * (1.0 / gap))
-}
-
-/// Nearest points of two segments along the z axes of their frames, or of points (Ericson 2005, section 5.1.9).
-fn lines([first, second]: &[Placed<'_>; 2], half: f64, other: f64) -> (V3, V3, V3) {
-    let (u, v) = (first.rotation.z, second.rotation.z);
-    let r = first.position - second.position;
-    let (b, c, f) = (u.dot(v), u.dot(r), v.dot(r));
-    // Along unit directions, s in -half .. half and t in -other .. other.
-    let denominator = 1.0 - b * b;
-    let mut s = if denominator > 1e-12 { ((b * f - c) / denominator).clamp(-half, half) } else { 0.0 };
-    let mut t = b * s + f;
-    if t.abs() > other {
-        t = t.clamp(-other, other);
-        s = (b * t - c).clamp(-half, half);
-    } else if denominator <= 1e-12 {
-        // Parallel: any s will do that leaves t inside.
-        s = (b * t - c).clamp(-half, half);
-    }
-    let (p, q) = (first.position + u * s, second.position + v * t);
-    let way = q - p;
-    let gap = way.dot(way).sqrt();
-    if gap > 1e-12 {
-        return (p, q, way * (1.0 / gap));
-    }
-    // They cross: out along what is square to both.
-    let mut normal = u.cross(v);
-    if normal.dot(normal) < 1e-12 {
-        let least = if u.x.abs() < 0.6 { V3::new(1.0, 0.0, 0.0) } else { V3::new(0.0, 1.0, 0.0) };
-        normal = u.cross(least);
-    }
-    (p, q, normal * (1.0 / normal.dot(normal).sqrt()))
 }

@@ -61,7 +61,7 @@ pub enum TerrainLayer {
         height: f64,
         /// Diameter of the largest (m); the smallest has half of it.
         size: f64,
-        /// How many there are in a square metre.
+        /// Number of them in a square metre.
         per_square_metre: f64,
     },
     /// Gaps across the way.

@@ -175,7 +175,7 @@ impl Setup {
         Ok(input)
     }
 
-    /// Whether the component has this input.
+    /// True if the component has this input.
     pub(crate) fn has_input(&self, port: &str) -> bool {
         self.component().inputs.iter().any(|input| input.port == port)
     }

@@ -162,7 +162,7 @@ impl ParameterDeclaration {
         Ok(value)
     }
 
-    /// Whether a number lies within the range.
+    /// True if a number lies within the range.
     pub(crate) fn allows(&self, number: f64) -> bool {
         number.is_finite()
             && self.min.is_none_or(|min| number >= min)

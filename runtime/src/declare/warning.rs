@@ -17,7 +17,7 @@ pub struct DeclareWarning {
     /// The key of the `config` table that it is about, dotted; without one it is about the component.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key: Option<String>,
-    /// What was found, and what follows from it.
+    /// The finding, and what follows from it.
     pub message: String,
     /// Advice, in one sentence.
     #[serde(default, skip_serializing_if = "Option::is_none")]

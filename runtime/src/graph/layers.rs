@@ -141,7 +141,7 @@ impl Layers {
     }
 }
 
-/// What is wrong with the files of a graph.
+/// An error in the files of a graph.
 pub(super) struct Problems(Vec<Problem>);
 
 impl Problems {

@@ -21,7 +21,7 @@ struct Pause {
 }
 
 impl Pause {
-    /// Whether a change is to be told at `now_ns`.
+    /// True if a change is to be told at `now_ns`.
     fn is_over(&mut self, now_ns: u64) -> bool {
         if now_ns < self.until_ns {
             return false;
@@ -38,7 +38,7 @@ impl Pause {
     }
 }
 
-/// What was told of a counter.
+/// The value of a counter that was told.
 #[derive(Debug, Clone, Default)]
 struct Told<T> {
     count: T,
@@ -46,7 +46,7 @@ struct Told<T> {
 }
 
 impl<T: Clone + PartialEq> Told<T> {
-    /// What was told before, if the counter has changed since and that is to be told now.
+    /// The value that was told before, if the counter has changed since and that is to be told now.
     fn change(&mut self, count: &T, now_ns: u64, all: bool) -> Option<T> {
         if self.count == *count || !(all || self.pause.is_over(now_ns)) {
             return None;
@@ -55,7 +55,7 @@ impl<T: Clone + PartialEq> Told<T> {
     }
 }
 
-/// What was told of one component.
+/// The counters of one component that were told.
 #[derive(Debug, Clone, Default)]
 struct Account {
     misses: Told<[u64; 3]>,
@@ -74,7 +74,7 @@ struct Account {
 const CHANGES: u32 = 8;
 const REFILL_NS: u64 = 10_000_000_000;
 
-/// What was told of the accounts of a run.
+/// The counters of a run that were told.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Accounts {
     components: Vec<Account>,

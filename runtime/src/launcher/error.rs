@@ -58,7 +58,7 @@ pub enum LaunchError {
     /// The graph cannot run as it was asked to. Nothing was made.
     #[error("{what}: {reason}; {advice}")]
     Unsuitable {
-        /// What was asked for.
+        /// The value that was asked for.
         what: String,
         /// The reason for which it cannot be.
         reason: String,

@@ -87,7 +87,7 @@ pub enum Event<'a> {
         times: u64,
         /// The reason.
         cause: &'a str,
-        /// Whether it is the end of the run that brought it there.
+        /// True if it is the end of the run that brought it there.
         is_end: bool,
         /// Time of the last entry, `CLOCK_MONOTONIC` ns.
         since_ns: u64,
@@ -122,7 +122,7 @@ pub enum Event<'a> {
     Stopped {
         /// The kind of the stop.
         latch: Latch,
-        /// Who stopped them.
+        /// The one that stopped them.
         cause: &'a str,
     },
     /// The stop was released: the actuators come back to their commands.
@@ -161,14 +161,14 @@ pub enum Event<'a> {
     LauncherEnded {
         /// The run's name.
         run: &'a str,
-        /// What became of the launcher.
+        /// The end of the launcher.
         cause: &'a str,
     },
     /// The guard has brought the robot to its safe state. Told by the guard.
     GuardActed {
-        /// What became of the actuators.
+        /// The states of the actuators.
         actuators: &'a str,
-        /// Whether all of them are in their safe state.
+        /// True if all of them are in their safe state.
         is_safe: bool,
     },
     /// The status of the graph.
@@ -262,7 +262,7 @@ impl Event<'_> {
         }
     }
 
-    /// Whether it stands in the log alone: `motorium run` prints no line of it, since the closing summary counts it.
+    /// True if it stands in the log alone: `motorium run` prints no line of it, since the closing summary counts it.
     pub fn is_logged_only(&self) -> bool {
         matches!(
             self,

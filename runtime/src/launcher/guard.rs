@@ -172,7 +172,7 @@ impl Silence {
     }
 }
 
-/// What became of the actuators, as text, and whether all are in their safe state.
+/// The states of the actuators, as text, and whether all are in their safe state.
 fn describe_safety(
     plan: &Plan,
     region: &Region,

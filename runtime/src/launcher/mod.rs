@@ -100,7 +100,7 @@ pub(crate) struct Launch {
     /// Time of the next status, and of the next look at everything in real time, `CLOCK_MONOTONIC` ns.
     next_status_ns: u64,
     due_ns: u64,
-    /// Where this thread ran before.
+    /// Core and priority that this thread had before.
     _placement: Placement,
 }
 
@@ -220,7 +220,7 @@ impl Launch {
         report
     }
 
-    /// Whether the launching program takes the place of a component.
+    /// True if the launching program takes the place of a component.
     pub(crate) fn stands_in_for(&self, component: &str) -> bool {
         self.options.stand_in.iter().any(|name| name == component)
     }

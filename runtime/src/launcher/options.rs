@@ -22,7 +22,7 @@ pub struct Options {
     /// In lockstep: the core of everything in the run. Without it the first one that the graph gives a component, and the
     /// thread stays where it is if it hosts the components inline.
     pub core: Option<usize>,
-    /// Whether `SIGINT`, `SIGTERM` and `SIGHUP` end the run in good order. While no run is alive that catches them, they do
+    /// True if `SIGINT`, `SIGTERM` and `SIGHUP` end the run in good order. While no run is alive that catches them, they do
     /// what they did before.
     pub catch_signals: bool,
     /// Components that are not started: the program takes their place and publishes on their topics.

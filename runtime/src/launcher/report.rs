@@ -53,8 +53,8 @@ pub struct Report {
     pub exit: Exit,
     /// The requests that the system denied, as text; empty if it granted all.
     pub lost: Vec<String>,
-    /// What did not go as the graph asks although the run ended in good order, as text: components that no longer stepped
-    /// at the end, or lost too many steps.
+    /// Shortcomings of a run: what did not go as the graph asks although the run ended in good order, as text:
+    /// components that no longer stepped at the end, or lost too many steps.
     #[serde(default)]
     pub warnings: Vec<String>,
     /// Longest time that a core could take to leave its idle state while the graph ran, ns; `null` where no limit was

@@ -50,7 +50,7 @@ impl Signals {
         Ok(Self { count, forgotten: Cell::new(0), stream, _sender: sender, registered })
     }
 
-    /// Whether a signal has come.
+    /// True if a signal has come.
     pub(super) fn is_raised(&self) -> bool {
         self.count.load(Relaxed) > self.forgotten.get()
     }
@@ -60,7 +60,7 @@ impl Signals {
         self.forgotten.set(self.count.load(Relaxed));
     }
 
-    /// Whether a signal has come or comes within a time, ns.
+    /// True if a signal has come or comes within a time, ns.
     pub(super) fn arrives_within(&self, ns: u64) -> bool {
         if !self.is_raised() {
             let timeout = Timespec { tv_sec: 0, tv_nsec: ns as _ };
@@ -137,7 +137,7 @@ fn signal_hook_registry_count(signal: i32, count: Arc<AtomicUsize>) -> std::io::
     }
 }
 
-/// What became of an actuator after a safe stop was ordered.
+/// State of an actuator after a safe stop was ordered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reached {
     /// It lives, has stepped since, and applies its safe state.

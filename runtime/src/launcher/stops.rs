@@ -39,7 +39,7 @@ fn current(plan: &Plan, region: &Region) -> Option<Stop> {
     })
 }
 
-/// Who stopped the robot, as text.
+/// The one that stopped the robot, as text.
 fn cause(plan: &Plan, latch: Latch, component: Option<usize>) -> String {
     match latch {
         Latch::Stop => "by `motorium stop --now`".to_string(),

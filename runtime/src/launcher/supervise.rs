@@ -23,7 +23,7 @@ const SIGNAL_NS: u64 = 50_000_000;
 /// Restarts in a row that crash before the component steps, from which on the shared memory of the run counts as damaged.
 const CRASHES: u32 = 2;
 
-/// Whether a component ended as one does that finds senseless words in shared memory.
+/// True if a component ended as one does that finds senseless words in shared memory.
 fn is_crash(reason: &str) -> bool {
     let of_iceoryx2 = reason.starts_with("panicked") && reason.contains("iceoryx2");
     of_iceoryx2 || ["SIGSEGV", "SIGBUS", "SIGABRT"].iter().any(|signal| reason.contains(signal))
@@ -81,12 +81,12 @@ impl Supervision {
         }
     }
 
-    /// Whether it has ended for good.
+    /// True if it has ended for good.
     pub(super) fn is_gone(&self) -> bool {
         self.gone
     }
 
-    /// Whether it has ended and not stepped since; `steps` is the number that it has done.
+    /// True if it has ended and not stepped since; `steps` is the number that it has done.
     pub(super) fn is_down(&self, steps: u64) -> bool {
         self.down.as_ref().is_some_and(|down| steps <= down.steps)
     }

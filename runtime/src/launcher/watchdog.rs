@@ -48,7 +48,7 @@ impl Counters {
     }
 }
 
-/// What a hung component was last seen doing.
+/// Phase in which a hung component was last seen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Hang {
     /// A step has not ended.

@@ -47,7 +47,7 @@ fn options() -> OpenOptions {
     options
 }
 
-/// Whether any process holds the [`Lock`] on a file. A file that is not there is not locked; one that cannot be asked,
+/// True if any process holds the [`Lock`] on a file. A file that is not there is not locked; one that cannot be asked,
 /// for want of descriptors say, is taken for locked.
 pub fn is_held(path: &Path) -> bool {
     let file = match options().open(path) {

@@ -39,7 +39,7 @@ pub fn interrupt_thread(thread: i32) {
     }
 }
 
-/// Whether a signal does what it does by default in this process.
+/// True if a signal does what it does by default in this process.
 pub(crate) fn is_default(signal: libc::c_int) -> bool {
     // SAFETY: zero is a valid value of the plain structure, into which the call writes the present action.
     unsafe {

@@ -32,7 +32,7 @@ pub fn threads_of_this_user() -> Option<u64> {
     Some(threads)
 }
 
-/// Whether the limit on the number of processes binds this process: root, and who may exceed resources, are exempt.
+/// True if the limit on the number of processes binds this process: root, and who may exceed resources, are exempt.
 pub fn is_bound_by_process_limit() -> bool {
     const EXEMPT: u64 = 1 << 24 | 1 << 21; // CAP_SYS_RESOURCE, CAP_SYS_ADMIN
     let capabilities = Status::read("/proc/self/status").map_or(0, |status| status.capabilities);
@@ -131,7 +131,7 @@ fn class(stat: &str) -> Option<Class> {
     }
 }
 
-/// What a `status` file says.
+/// Contents of a `status` file.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Status {
     name: String,

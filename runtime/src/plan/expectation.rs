@@ -129,7 +129,7 @@ impl Expectation {
         format!("{} {}", self.comparison.sign(), self.bound)
     }
 
-    /// Whether a value meets it. A value that is missing, not a number where a number is expected, or not finite does not.
+    /// True if a value meets it. A value that is missing, not a number where a number is expected, or not finite does not.
     pub fn is_met_by(&self, value: &serde_json::Value) -> bool {
         if value.is_null() {
             return false;

@@ -6,6 +6,7 @@
 mod expectation;
 mod faults;
 mod safety;
+mod topics;
 
 use std::path::PathBuf;
 
@@ -18,6 +19,7 @@ pub use expectation::{Comparison, Expectation, ExpectationError};
 pub use faults::{LivenessPlan, OnError, OnFailure, OnOverrun, RestartPlan, RestartWhen};
 pub(crate) use safety::EMERGENCY_STOP_PORT;
 pub use safety::{LimitPolicy, ResumeRule, SafeState, SafetyPlan};
+pub use topics::{LatencyPlan, OnMiss, TopicPlan};
 
 /// A graph, resolved.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -358,51 +360,4 @@ impl ComponentPlan {
     pub fn period_ns(&self) -> u64 {
         self.activation.period_ns()
     }
-}
-
-/// One topic, resolved.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TopicPlan {
-    /// Name, such as `panda/joint_state`.
-    pub name: String,
-    /// State or stream.
-    pub pattern: TopicPattern,
-    /// Layout of its samples.
-    pub layout: TypeLayout,
-    /// Index of the component that writes it.
-    pub writer: usize,
-    /// Indices of the components that read it.
-    pub readers: Vec<usize>,
-    /// Indices of the components that it wakes.
-    pub triggers: Vec<usize>,
-    /// Values of a state kept for taps, beyond those that readers need.
-    #[serde(default)]
-    pub history: usize,
-}
-
-/// An end-to-end latency budget.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct LatencyPlan {
-    /// Topic at the head of the chain.
-    pub from: usize,
-    /// Topic at its end.
-    pub to: usize,
-    /// Longest time allowed from the source time of `from` to the publish time of `to`, ns.
-    pub max_ns: u64,
-    /// The consequence of a miss.
-    pub on_miss: OnMiss,
-    /// The component that publishes `to` and so measures the latency.
-    pub component: usize,
-    /// Index of `to` in that component's outputs.
-    pub output: usize,
-}
-
-/// The consequence of a missed latency budget.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum OnMiss {
-    /// Count and report it.
-    Warn,
-    /// Bring the whole graph to its safe state.
-    SafeStop,
 }

@@ -125,7 +125,7 @@ impl Header {
         self.episode_over.store(1, Relaxed);
     }
 
-    /// Whether a component has ended the episode.
+    /// True if a component has ended the episode.
     #[inline]
     pub fn is_episode_over(&self) -> bool {
         self.episode_over.load(Relaxed) != 0
@@ -144,7 +144,7 @@ impl Header {
         self.paused.store(u32::from(paused), Release);
     }
 
-    /// Whether simulated time is held.
+    /// True if simulated time is held.
     pub fn is_paused(&self) -> bool {
         self.paused.load(Acquire) != 0
     }

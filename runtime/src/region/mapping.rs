@@ -130,7 +130,7 @@ impl Region {
         Counts::of(plan).bytes()
     }
 
-    /// Whether it has the blocks of this plan. One whose words were damaged may not.
+    /// True if it has the blocks of this plan. One whose words were damaged may not.
     pub fn fits(&self, plan: &Plan) -> bool {
         self.counts == Counts::of(plan)
     }

@@ -80,7 +80,7 @@ impl TurnBlock {
         self.rounds_left.store(rounds, Relaxed);
     }
 
-    /// Whether the round of a time may be begun without the launcher.
+    /// True if the round of a time may be begun without the launcher.
     #[inline]
     pub(crate) fn may_begin(&self, round_ns: u64) -> bool {
         round_ns < self.until_ns.load(Relaxed) && self.rounds_left.load(Relaxed) > 0

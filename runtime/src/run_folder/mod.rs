@@ -219,12 +219,12 @@ impl RunFolder {
         Ok(Domain::new(&self.path, &self.id)?)
     }
 
-    /// Whether its launcher or its guard is alive, in whichever process namespace.
+    /// True if its launcher or its guard is alive, in whichever process namespace.
     pub fn is_alive(&self) -> bool {
         self.lock_files().is_ok_and(|(folder, objects)| is_held(&folder) || is_held(&objects))
     }
 
-    /// Whether it was left behind: nobody holds it, and it is not just being made.
+    /// True if it was left behind: nobody holds it, and it is not just being made.
     pub fn is_abandoned(&self) -> bool {
         let made = fs::metadata(&self.path).and_then(|metadata| metadata.modified());
         let is_old = made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > YOUNG));

@@ -42,7 +42,7 @@ impl SuspendClock {
         suspended
     }
 
-    /// Whether a stamp is from before the last suspend.
+    /// True if a stamp is from before the last suspend.
     #[inline]
     pub fn is_from_before(&self, publish_ns: u64) -> bool {
         publish_ns < self.resumed_ns

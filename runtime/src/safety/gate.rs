@@ -158,7 +158,7 @@ impl Gate {
         self.state
     }
 
-    /// Whether the safe state stays until [`release`](Self::release).
+    /// True if the safe state stays until [`release`](Self::release).
     pub fn is_latched(&self) -> bool {
         self.latched
     }

@@ -9,7 +9,7 @@ use crate::region::{ComponentBlock, GateState, Latch};
 /// robot whose commands are refused now and then would throw the others into the safe state and out of it each time.
 pub(super) const GO_ON_AFTER_NS: u64 = 500_000_000;
 
-/// What the gates of one actuator know of one another. Used by one thread.
+/// State that the gates of one actuator share. Used by one thread.
 #[derive(Debug)]
 pub(super) struct Group {
     gates: Vec<Member>,
@@ -53,7 +53,7 @@ impl Group {
         self.gates.len() == 1
     }
 
-    /// Whether a robot without a good command stops others.
+    /// True if a robot without a good command stops others.
     pub(super) fn stops_together(&self) -> bool {
         self.together && !self.is_alone()
     }

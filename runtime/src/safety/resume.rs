@@ -77,7 +77,7 @@ impl Reference {
         Self { position, velocity, acceleration: 0.0, effort }
     }
 
-    /// Whether the rest of the difference changes the effort by little, and can fade within the acceleration limit.
+    /// True if the rest of the difference changes the effort by little, and can fade within the acceleration limit.
     fn meets(&self, command: &JointSetpoint, limits: &JointLimits) -> bool {
         let fading = FADE_SHARE * limits.usual_acceleration() * FADE;
         // A quintic accelerates by 5.8 times its height, and by about 4 times its slope, in units of its duration.
@@ -126,7 +126,7 @@ impl Rest {
         }
     }
 
-    /// What is left at the share `s` of the fading: the quintic that begins at this difference and ends at none, at rest
+    /// The rest at the share `s` of the fading: the quintic that begins at this difference and ends at none, at rest
     /// in acceleration.
     fn at(&self, s: f64) -> Self {
         let (s2, left) = (s * s, 1.0 - s);
@@ -161,7 +161,7 @@ impl Resume {
         }
     }
 
-    /// Whether a command is near enough to its setpoint in the safe state that the difference can fade.
+    /// True if a command is near enough to its setpoint in the safe state that the difference can fade.
     pub(super) fn is_near(
         &self,
         index: usize,

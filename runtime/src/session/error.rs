@@ -16,7 +16,7 @@ pub enum SessionError {
     /// Only simulated time can be held, set back or made to pass faster.
     #[error("{what}: the run is in real time; launch it with the clock `lockstep`")]
     RealTime {
-        /// What was asked for.
+        /// The value that was asked for.
         what: &'static str,
     },
     /// A component cannot be reset for a new episode.

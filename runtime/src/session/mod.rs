@@ -165,7 +165,7 @@ impl<'o> Session<'o> {
         self.episode.0
     }
 
-    /// Whether a component has ended the present episode.
+    /// True if a component has ended the present episode.
     pub fn is_episode_over(&self) -> bool {
         self.launch.region().header().is_episode_over()
     }

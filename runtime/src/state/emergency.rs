@@ -19,7 +19,7 @@ crate::state_buffer! {
 }
 
 impl EmergencyStop {
-    /// Whether this value stops.
+    /// True if this value stops.
     pub fn is_pressed(&self) -> bool {
         self.stop != 0
     }

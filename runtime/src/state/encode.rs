@@ -28,7 +28,7 @@ pub enum EncodeError {
     Number {
         /// The field.
         field: String,
-        /// What was written.
+        /// The text that was written.
         found: String,
         /// Its type, such as `f64`.
         kind: String,

@@ -1,4 +1,4 @@
-//! What people give and are told: buttons and axes, text, events.
+//! Messages from and to people: buttons and axes, text, events.
 
 #![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
 
@@ -35,7 +35,7 @@ counted_buffer! {
 }
 
 impl Controls {
-    /// Whether a button is pressed, counted from 0.
+    /// True if a button is pressed, counted from 0.
     pub fn is_pressed(&self, button: u32) -> bool {
         button < 64 && self.buttons >> button & 1 == 1
     }

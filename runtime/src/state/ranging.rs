@@ -1,4 +1,4 @@
-//! What sensors of distance, place and field measure.
+//! Measurements of sensors of distance, place and field.
 
 #![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
 

@@ -119,7 +119,7 @@ impl Domain {
             })
     }
 
-    /// Whether processes that have ended still hold places in the topics and parameters. Looks at files and their locks
+    /// True if processes that have ended still hold places in the topics and parameters. Looks at files and their locks
     /// alone, not at the words of iceoryx2 in shared memory.
     pub fn has_dead(&self) -> bool {
         let mut found = false;

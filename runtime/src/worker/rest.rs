@@ -34,7 +34,7 @@ impl Rest {
         self.slept_ns = now_ns;
     }
 
-    /// Whether a rest is due at `now_ns`.
+    /// True if a rest is due at `now_ns`.
     #[inline]
     pub(super) fn is_due(&self, now_ns: u64) -> bool {
         now_ns.saturating_sub(self.slept_ns) > self.after_ns

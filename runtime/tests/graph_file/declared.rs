@@ -1,4 +1,4 @@
-//! What a component is told when it declares itself, and what it may answer: warnings with their places.
+//! Declarations of components: what they are told, and what they may answer: warnings with their places.
 
 use std::path::Path;
 

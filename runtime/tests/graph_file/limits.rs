@@ -29,7 +29,7 @@ fn of_very_many_syntax_errors_twenty_are_told_and_the_others_counted() {
     assert!(!messages[20].contains("more"), "{messages:?}");
 }
 
-/// Whether work of `long` takes less than the square of what its size says over that of `short`: by the exponent of
+/// True if work of `long` takes less than the square of what its size says over that of `short`: by the exponent of
 /// growth, in the best of three.
 fn grows_like_its_length(text: impl Fn(usize) -> String, short: usize) {
     const TIMES: usize = 8;

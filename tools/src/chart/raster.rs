@@ -24,7 +24,7 @@ struct Canvas {
     width: usize,
     height: usize,
     pixels: Vec<u8>,
-    /// How much of each dot the line that is being drawn covers, of 255.
+    /// Share of each dot that the line being drawn covers, of 255.
     cover: Vec<u8>,
 }
 

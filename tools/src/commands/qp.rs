@@ -49,7 +49,7 @@ struct Solve {
     /// The solver
     #[arg(long, value_enum, default_value_t = SolverName::ActiveSet)]
     solver: SolverName,
-    /// How often the problems are solved; with more than one round the first is not timed
+    /// Number of times the problems are solved; with more than one round the first is not timed
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     rounds: u32,
     /// Print the status and the solution of each problem too

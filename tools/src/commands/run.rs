@@ -39,7 +39,7 @@ pub(crate) struct Run {
     /// The clock, `realtime` or `lockstep`: as the graph says if not given
     #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,
-    /// Where the components run: in `processes`, `threads`, or `inline`, in one thread; `--core N` is theirs in lockstep
+    /// Hosting of the components: in `processes`, `threads`, or `inline`, in one thread; `--core N` is theirs in lockstep
     #[arg(long, value_enum, default_value_t, hide_possible_values = true, hide_default_value = true)]
     hosting: HostingChoice,
     /// The same as `--hosting threads`
@@ -86,7 +86,7 @@ pub(crate) struct Run {
     trace: Option<PathBuf>,
 }
 
-/// What `motorium trace` has of a run.
+/// Trace of a run for `motorium trace`.
 pub(super) struct Traced {
     pub(super) graph: GraphArgs,
     pub(super) duration: Option<String>,

@@ -1,6 +1,9 @@
 //! `motorium view`: a running graph in 3D, in plots and tables, for our page and for viewers that speak Foxglove's protocol.
 
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::Read as _;
+use std::os::unix::process::CommandExt as _;
+use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -10,22 +13,24 @@ use serde_json::json;
 
 use crate::out::errln;
 use crate::runs::RunArg;
-use crate::{complete, exit, registry, style};
+use crate::{complete, overheads, registry, style};
 
+/// First bytes of an MCAP file.
+const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// First argument of the viewer; the order, as JSON, is the second.
 const SERVE: &str = "motorium-view";
 
-/// Show a running graph: the robot in 3D, plots, parameters, a stop button.
+/// Show a running graph, or a recording: the robot in 3D, plots, parameters, a stop button.
 ///
-/// With a graph it starts that; without one it shows a run that goes on, and whatever run of the same graph comes after it. The
+/// With a graph it starts that; a recording it plays, which the page holds, moves and speeds up as Foxglove does; without one it shows a run that goes on, and whatever run of the same graph comes after it. The
 /// page and the WebSocket of Foxglove's protocol, for Foxglove and Lichtblick, are on one port of this machine. Who has the
 /// address with its token may command; who has not may look.
 ///
 /// Example: motorium view graphs/panda-reach.toml
 #[derive(Debug, clap::Args)]
 pub(crate) struct View {
-    /// The graph to start; a run that goes on is shown if not given
-    #[arg(add = complete::graphs(), conflicts_with = "run")]
+    /// The graph to start, or the recording (`.mcap`) to play; a run that goes on is shown if not given
+    #[arg(value_name = "GRAPH|RECORDING", add = complete::graphs(), conflicts_with = "run")]
     graph: Option<PathBuf>,
     #[command(flatten)]
     run: RunArg,
@@ -54,6 +59,13 @@ fn rate(text: &str) -> Result<f64, String> {
     }
 }
 
+/// True for a recording: by its first bytes or its name.
+fn is_recording(path: &Path) -> bool {
+    let mut head = [0; MAGIC.len()];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut head));
+    (read.is_ok() && &head == MAGIC) || path.extension().is_some_and(|extension| extension == "mcap")
+}
+
 impl View {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         let began = SystemTime::now().duration_since(UNIX_EPOCH)?;
@@ -73,6 +85,18 @@ impl View {
                 sibling.install
             );
         }
+        let is_recording = self.graph.as_deref().is_some_and(is_recording);
+        if is_recording {
+            let wrong = match (&self.headless_check, self.arguments.is_empty()) {
+                (Some(_), _) => Some("--headless-check compares the page with a run"),
+                (None, false) => Some("options after `--` are for `motorium run`"),
+                (None, true) => None,
+            };
+            if let Some(wrong) = wrong {
+                anyhow::bail!("{wrong}; a recording is played, not run");
+            }
+        }
+        let (recording, graph) = if is_recording { (&self.graph, &None) } else { (&None, &self.graph) };
         let run = match &self.graph {
             Some(_) => None,
             None => Some(self.run.look()?.folder.id().to_string()),
@@ -80,17 +104,19 @@ impl View {
         let motorium = std::env::current_exe().context("finding this program's own file")?;
         let order = json!({
             "motorium": motorium,
-            "graph": self.graph,
+            "graph": graph,
+            "recording": recording,
             "arguments": self.arguments,
             "run": run,
             "port": self.port,
             "rate_hz": self.rate,
             "headless_check": self.headless_check,
             "token": self.token,
+            "overheads": overheads::load().overheads,
             "began_ms": u64::try_from(began.as_millis())?,
         });
-        let ended = Command::new(&program).args([SERVE, &order.to_string()]).status();
-        let status = ended.with_context(|| format!("starting {}", program.display()))?;
-        Ok(if status.success() { ExitCode::SUCCESS } else { exit::FAILED })
+        // It takes the place of this process, so that signals reach it, and with it the graph that it starts.
+        let error = Command::new(&program).args([SERVE, &order.to_string()]).exec();
+        Err(error).with_context(|| format!("starting {}", program.display()))
     }
 }

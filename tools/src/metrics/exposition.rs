@@ -147,6 +147,13 @@ impl<'a> View<'a> {
             self.each(|c| c.misses.skipped),
         )?;
         families.counter(
+            &Family::plain(
+                "component_deferred_releases",
+                "Releases by events that waited for their least interval.",
+            ),
+            self.each(|c| c.deferred),
+        )?;
+        families.counter(
             &Family::plain("component_over_budget_steps", "Steps that took more than the budget."),
             self.each(|c| c.misses.over_budget),
         )

@@ -55,7 +55,7 @@ fn counted(count: u64, one: &str, several: &str) -> Option<String> {
     (count > 0).then(|| format!("{count} {}", if count == 1 { one } else { several }))
 }
 
-/// What is zero in a run as it should be, of each component where it is not.
+/// Counters of each component that are zero in a run as it should be, where they are not.
 fn counters(report: &Report, text: &mut String) {
     for c in &report.components {
         let words = [

@@ -106,7 +106,7 @@ impl Trace<'_> {
         Ok(())
     }
 
-    /// What a component waits for before its steps.
+    /// Event that a component waits for before its steps.
     fn released_by(&self, index: usize) -> &str {
         match &self.plan.components[index].activation {
             Activation::Periodic { .. } => "its period",

@@ -44,7 +44,7 @@ enum Message {
     Ended,
 }
 
-/// What was read of the rings.
+/// Events that were read of the rings.
 #[derive(Default)]
 struct Followed {
     start_ns: u64,

@@ -1,7 +1,7 @@
-//! What viewers ask of the run, on its way from the server's threads to the one that follows the run.
+//! Requests of viewers to the run, on their way from the server's threads to the one that follows the run.
 
-use std::sync::Arc;
 use std::sync::mpsc::Sender;
+use std::sync::{Arc, PoisonError};
 
 use foxglove::SinkId;
 use foxglove::websocket::service::{Handler, Request, Responder};
@@ -9,10 +9,12 @@ use foxglove::websocket::{
     AnyClient, ChannelView, Client, GetParametersResponder, Parameter, ParameterHandler, ServerListener,
     SetParametersResponder,
 };
+use foxglove::websocket::{PlaybackControlRequest, PlaybackState};
 
+use crate::playback::Shared;
 use crate::rights::Rights;
 
-/// What a viewer asks for.
+/// A request of a viewer.
 #[derive(Debug)]
 pub(crate) enum Ask {
     /// The values of these parameters, or of all if none is named.
@@ -57,6 +59,8 @@ impl Command {
 pub(crate) struct Asks {
     pub(crate) sender: Sender<Ask>,
     pub(crate) rights: Arc<Rights>,
+    /// Of a recording.
+    pub(crate) player: Option<Shared>,
 }
 
 impl Asks {
@@ -100,6 +104,11 @@ impl ServerListener for Asks {
     fn on_subscribe(&self, client: Client, channel: ChannelView) {
         self.send(Ask::Latched(channel.topic().to_string(), client.sink_id()));
     }
+
+    fn on_playback_control_request(&self, request: PlaybackControlRequest) -> Option<PlaybackState> {
+        let mut player = self.player.as_ref()?.lock().unwrap_or_else(PoisonError::into_inner);
+        Some(player.obey(request))
+    }
 }
 
 /// The service of a command.
@@ -112,5 +121,34 @@ impl Handler for Service {
         } else {
             responder.respond_err(REFUSED.to_string());
         }
+    }
+}
+
+/// The service that plays a recording, holds it, and goes to another place in it: for our own page, which may do so without the
+/// token since no robot moves by it.
+pub(crate) struct Play(pub(crate) Shared);
+
+/// Request of [`Play`].
+#[derive(Debug, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PlayRequest {
+    plays: bool,
+    /// As before if not given.
+    speed: Option<f64>,
+    /// Time since the start, s.
+    place_s: Option<f64>,
+}
+
+impl Handler for Play {
+    fn call(&self, request: Request, responder: Responder) {
+        let asked = match serde_json::from_slice::<PlayRequest>(request.payload()) {
+            Ok(asked) => asked,
+            Err(error) => return responder.respond_err(error.to_string()),
+        };
+        let mut player = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let speed = asked.speed.unwrap_or(player.speed());
+        let seek_ns = asked.place_s.map(|place_s| player.at(place_s));
+        player.set(asked.plays, speed, seek_ns);
+        responder.respond_ok(player.told().to_string());
     }
 }

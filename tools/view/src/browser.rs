@@ -32,7 +32,7 @@ pub enum BrowserError {
     Start {
         /// The program.
         program: PathBuf,
-        /// What it said, or the reason of the system.
+        /// Its words, or the reason of the system.
         reason: String,
     },
     /// Its connection broke.

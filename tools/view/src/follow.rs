@@ -31,11 +31,11 @@ const SLOWLY: Duration = Duration::from_millis(500);
 const CHECKED_FOR: [&str; 3] = ["--for", "10min", "--no-expect"];
 
 /// Names of the channels that are there whatever runs.
-const RUN: &str = "/motorium/run";
+pub(crate) const RUN: &str = "/motorium/run";
 const TIMES: &str = "/motorium/top";
 /// JSON Schema of the times, that of `motorium top --json`.
 const TIMES_SCHEMA: &str = include_str!("../schema/top.schema.json");
-const RUN_SCHEMA: &str = include_str!("../schema/run.schema.json");
+pub(crate) const RUN_SCHEMA: &str = include_str!("../schema/run.schema.json");
 
 /// The thread that follows the run.
 #[derive(Debug)]
@@ -179,7 +179,7 @@ impl Follower {
     }
 
     fn join(&mut self, folder: RunFolder) -> anyhow::Result<()> {
-        let joined = Joined::open(folder, &self.server)?;
+        let joined = Joined::open(folder, &self.server, &self.request.overheads.unwrap_or_default())?;
         stand_aside(&joined.plan.scheduling.shared_cores);
         self.graph = Some(joined.plan.name.clone());
         self.last = Some(joined.folder.id().to_string());

@@ -3,10 +3,14 @@
 use std::path::PathBuf;
 
 use motorium::declare::RobotReference;
-use motorium::plan::{Activation, ComponentPlan, Plan, Program};
+use motorium::plan::{Activation, ClockKind, ComponentPlan, Plan, Program};
+use motorium::schedule::{Overheads, timeline};
 use motorium_bridges::foxglove::{channels, descriptions, robot_of_topic};
 use motorium_robots::RobotSource;
 use serde_json::{Value as Json, json};
+
+/// Length of the predicted timeline that viewers are told, ns.
+const PREDICTED_NS: u64 = 10_000_000;
 
 /// The robots of a plan, each once.
 pub(crate) fn robots(plan: &Plan) -> Vec<&RobotReference> {
@@ -33,8 +37,8 @@ pub(crate) fn file_of(robot: &RobotReference) -> Option<PathBuf> {
     source.load().ok()?.path
 }
 
-/// Components, topics, parameters and robots of a graph.
-pub(crate) fn describe(run: &str, plan: &Plan) -> Json {
+/// Components, topics, parameters and robots of a graph, and the beginning of its predicted timeline.
+pub(crate) fn describe(run: &str, plan: &Plan, overheads: &Overheads) -> Json {
     let topics = plan.topics.iter().map(|topic| {
         let name = |index: &usize| plan.components[*index].name.as_str();
         let readers: Vec<&str> = topic.readers.iter().map(name).collect();
@@ -49,6 +53,8 @@ pub(crate) fn describe(run: &str, plan: &Plan) -> Json {
         let name = |index: usize| plan.topics[index].name.as_str();
         json!({ "from": name(latency.from), "to": name(latency.to), "max_ns": latency.max_ns })
     });
+    let is_timed = plan.clock == ClockKind::Realtime;
+    let predicted = is_timed.then(|| timeline(plan, overheads, PREDICTED_NS));
     json!({
         "run": run,
         "graph": plan.name,
@@ -57,6 +63,7 @@ pub(crate) fn describe(run: &str, plan: &Plan) -> Json {
         "topics": topics.collect::<Vec<_>>(),
         "latencies": latencies.collect::<Vec<_>>(),
         "robots": drawn(plan),
+        "timeline": predicted,
     })
 }
 

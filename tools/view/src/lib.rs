@@ -10,13 +10,16 @@
 //! | `request` | the order of `motorium view` |
 //! | `front` | the port: files of the page, WebSockets |
 //! | `server`, `ask`, `rights`, `assets` | the server of the protocol: channels, services, parameters, files; the token |
-//! | `follow`, `joined`, `graph`, `world`, `parameters` | the run: finding it, reading it, what is told of it |
+//! | `follow`, `joined`, `parameters` | the run: finding it, reading it |
+//! | `playback` | a recording in place of a run |
+//! | `channels`, `graph`, `world` | what is told of a graph and its topics |
 //! | `children`, `cores` | commands of `motorium` that it starts; keeping off the real-time cores |
 //! | `browser`, `check` | a look at the page in a headless browser |
 
 mod ask;
 mod assets;
 pub mod browser;
+mod channels;
 mod check;
 mod children;
 mod cores;
@@ -25,6 +28,7 @@ mod front;
 mod graph;
 mod joined;
 mod parameters;
+mod playback;
 mod request;
 mod rights;
 mod server;
@@ -32,7 +36,7 @@ mod world;
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, mpsc};
+use std::sync::{Arc, Mutex, mpsc};
 
 use anyhow::Context as _;
 use motorium::program::{Program, list};
@@ -83,7 +87,11 @@ fn serve(request: Request) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
     let (sender, asks) = mpsc::channel();
     let rights = Arc::new(rights::Rights::new(token.clone()));
-    let server = Arc::new(runtime.block_on(server::Server::start(ask::Asks { sender, rights }))?);
+    let opened = request.recording.as_deref().map(playback::open).transpose()?;
+    let (recording, times) = opened.unzip();
+    let player = times.map(|times| Arc::new(Mutex::new(playback::Player::new(times))));
+    let asks_to = ask::Asks { sender, rights, player: player.clone() };
+    let server = Arc::new(runtime.block_on(server::Server::start(asks_to, times))?);
     let port = front.port();
     runtime.spawn(front.serve(server.address(), token.clone()));
     eprintln!("view at http://localhost:{port}/?token={token}");
@@ -100,8 +108,13 @@ fn serve(request: Request) -> anyhow::Result<ExitCode> {
             }))
         }
     };
-    let followed = follow::Follower::new(request, server, asks)
-        .and_then(|follower| follower.follow(&over, &interrupted));
+    let followed = match (&recording, &player) {
+        (Some(recording), Some(player)) => {
+            playback::play(&request, recording, &server, player, &asks, [&over, &interrupted])
+        }
+        _ => follow::Follower::new(request, server, asks)
+            .and_then(|follower| follower.follow(&over, &interrupted)),
+    };
     over.store(true, Relaxed);
     let checked = check.map(|check| check.join().unwrap_or_else(|_| anyhow::bail!("the check failed")));
     runtime.shutdown_background();

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use motorium::schedule::Overheads;
 use serde::Deserialize;
 
 /// First argument of the program when `motorium view` starts it; its order, as JSON, is the second.
@@ -25,6 +26,9 @@ pub struct Request {
     /// The graph to start; `None` to look at a run that somebody else has started.
     #[serde(default)]
     pub graph: Option<PathBuf>,
+    /// The recording to play; `None` to look at a run.
+    #[serde(default)]
+    pub recording: Option<PathBuf>,
     /// Options for `motorium run`, besides the graph.
     #[serde(default)]
     pub arguments: Vec<String>,
@@ -35,9 +39,12 @@ pub struct Request {
     pub port: u16,
     /// Most samples of a topic that are sent a second.
     pub rate_hz: f64,
-    /// Where to write a picture of the page, made by a headless browser that also checks it; `None` to serve.
+    /// File for a picture of the page, made by a headless browser that also checks it; `None` to serve.
     #[serde(default)]
     pub headless_check: Option<PathBuf>,
+    /// Overheads of this machine, for the predicted timeline; `None` for the cautious ones.
+    #[serde(default)]
+    pub overheads: Option<Overheads>,
     /// Time of the command, ms since 1970.
     #[serde(default)]
     pub began_ms: Option<u64>,

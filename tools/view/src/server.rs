@@ -6,11 +6,12 @@ use std::sync::{Arc, RwLock};
 
 use anyhow::Context as _;
 use foxglove::websocket::service::{Service, ServiceSchema};
-use foxglove::websocket::{Capability, Parameter};
+use foxglove::websocket::{Capability, Parameter, PlaybackState};
 use foxglove::{ChannelBuilder, Context, RawChannel, Schema, WebSocketServer, WebSocketServerHandle};
 
 use crate::ask::{self, Asks, Command};
 use crate::assets::Assets;
+use crate::playback::{PLACE_SCHEMA, Shared};
 
 /// The server.
 pub(crate) struct Server {
@@ -26,13 +27,20 @@ impl std::fmt::Debug for Server {
 }
 
 impl Server {
-    /// Starts it on a free port of the loopback interface, on this runtime.
-    pub(crate) async fn start(asks: Asks) -> anyhow::Result<Self> {
+    /// Starts it on a free port of the loopback interface, on this runtime: for a run, or for a recording of these times.
+    pub(crate) async fn start(asks: Asks, recorded: Option<(u64, u64)>) -> anyhow::Result<Self> {
         let context = Context::new();
         let assets = Arc::new(RwLock::new(Assets::default()));
         let served = assets.clone();
-        let services = Command::ALL.map(|command| service(command, asks.clone()));
-        let server = WebSocketServer::new()
+        let services = match &asks.player {
+            None => Command::ALL.iter().map(|command| service(*command, asks.clone())).collect(),
+            Some(player) => vec![play(player.clone())],
+        };
+        let mut server = WebSocketServer::new();
+        if let Some((start_ns, end_ns)) = recorded {
+            server = server.playback_time_range(start_ns, end_ns);
+        }
+        let server = server
             .name("motorium view")
             .bind("127.0.0.1", 0)
             .context(&context)
@@ -82,12 +90,25 @@ impl Server {
         self.channel(topic, "json", Schema::new(name, "jsonschema", schema.as_bytes().to_vec()))
     }
 
+    /// Tells viewers how a recording is played.
+    pub(crate) fn tell_playback(&self, state: PlaybackState) {
+        self.handle.broadcast_playback_state(state);
+    }
+
     /// Tells viewers of the values of parameters.
     pub(crate) fn publish_parameters(&self, parameters: Vec<Parameter>) {
         if !parameters.is_empty() {
             self.handle.publish_parameter_values(parameters);
         }
     }
+}
+
+fn play(player: Shared) -> Service {
+    let object = |name: &str, schema: &str| Schema::new(name, "jsonschema", schema.as_bytes().to_vec());
+    let schema = ServiceSchema::new("motorium.Play")
+        .with_request("json", object("motorium.PlayRequest", PLAY))
+        .with_response("json", object("motorium.Playback", PLACE_SCHEMA));
+    Service::builder("/motorium/play", schema).handler(ask::Play(player))
 }
 
 fn service(command: Command, asks: Asks) -> Service {
@@ -97,6 +118,17 @@ fn service(command: Command, asks: Asks) -> Service {
         ServiceSchema::new("motorium.Command").with_request("json", nothing()).with_response("json", done);
     Service::builder(command.service(), schema).handler(ask::Service(command, asks))
 }
+
+/// JSON Schema of the request to play a recording.
+const PLAY: &str = r#"{
+  "type": "object",
+  "required": ["plays"],
+  "properties": {
+    "plays": { "type": "boolean", "description": "True to play, false to hold" },
+    "speed": { "type": "number", "description": "Speed, times that of the recording" },
+    "place_s": { "type": "number", "description": "Place to go to: time since the start, s" }
+  }
+}"#;
 
 /// JSON Schema of the answer of a command.
 const OUTCOME: &str = r#"{

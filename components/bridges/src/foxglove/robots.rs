@@ -24,7 +24,7 @@ pub struct Description {
     pub text: String,
     /// True if the text is URDF, false if it is MJCF.
     pub is_urdf: bool,
-    /// What stands before the names of its links in [`FrameTransforms`]: nothing, of one of several robots `ROBOT/`.
+    /// Prefix of the names of its links in [`FrameTransforms`]: nothing, of one of several robots `ROBOT/`.
     pub frame_prefix: String,
 }
 

@@ -231,7 +231,7 @@ fn levels(runs: impl Iterator<Item = (bool, usize)>, out: &mut Vec<u8>) {
     out.extend(encoded);
 }
 
-/// What the footer says of the page of a column.
+/// Entry of the footer for the page of a column.
 fn chunk(column: &Column, offset: i64, bytes: i64, entries: i64) -> Struct {
     let path = match column.values {
         Values::List { .. } => vec![column.name.as_str(), "list", "element"],

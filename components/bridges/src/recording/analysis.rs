@@ -1,4 +1,4 @@
-//! What a recording tells of a run: rates, latencies, gaps, tracking errors, events.
+//! Analysis of a recorded run: rates, latencies, gaps, tracking errors, events.
 
 use std::collections::BTreeMap;
 
@@ -38,7 +38,7 @@ pub struct TopicAnalysis {
     pub interval_ns: Vec<u64>,
 }
 
-/// How well joints follow their commands.
+/// Errors of joints against their commands.
 #[derive(Debug, Clone)]
 pub struct Tracking {
     /// The topic of the commands.

@@ -4,7 +4,7 @@
 //! nothing, and the writers of the topics do not know of it. In lockstep, where time waits, the steps record, so that nothing
 //! is lost however fast it passes.
 //!
-//! What ends a recording, such as a full disk, does not end the run.
+//! An error that ends a recording, such as a full disk, does not end the run.
 
 use std::fs::File;
 use std::path::PathBuf;
@@ -84,7 +84,7 @@ pub struct Record {
     outcome: Arc<Mutex<Outcome>>,
 }
 
-/// What has come of a recording so far.
+/// Totals of a recording so far.
 #[derive(Debug, Clone, Default)]
 struct Outcome {
     counts: Counts,

@@ -2,6 +2,7 @@
 
 #![allow(unsafe_code)] // a file is mapped rather than read: recordings are larger than memory
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -39,6 +40,7 @@ pub struct Recording {
     attachments: Vec<(String, Vec<u8>)>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     is_whole: bool,
+    times: Option<(u64, u64)>,
 }
 
 /// A topic of a recording.
@@ -107,7 +109,7 @@ pub enum ReadError {
     Foreign {
         /// The file.
         path: PathBuf,
-        /// What is missing or different.
+        /// The part that is missing or different.
         reason: String,
     },
 }
@@ -134,6 +136,7 @@ impl Recording {
             attachments: Vec::new(),
             metadata: BTreeMap::new(),
             is_whole: false,
+            times: None,
         };
         this.scan()?;
         Ok(this)
@@ -151,7 +154,7 @@ impl Recording {
     fn scan(&mut self) -> Result<(), ReadError> {
         let (mut topics, mut of_channel) = (Vec::<RecordedTopic>::new(), BTreeMap::new());
         let (mut attachments, mut metadata, mut is_whole) = (Vec::new(), BTreeMap::new(), false);
-        let mut began = false;
+        let (mut began, mut times) = (false, None::<(u64, u64)>);
         for record in self.records()? {
             let record = match record {
                 Ok(record) => record,
@@ -174,6 +177,8 @@ impl Recording {
                 Record::Message { header, .. } => {
                     if let Some(topic) = of_channel.get(&header.channel_id) {
                         topics[*topic].samples += 1;
+                        let (first, last) = times.unwrap_or((header.log_time, header.log_time));
+                        times = Some((first.min(header.log_time), last.max(header.log_time)));
                     }
                 }
                 Record::Attachment { header, data, .. } => {
@@ -187,13 +192,19 @@ impl Recording {
             }
         }
         (self.topics, self.of_channel) = (topics, of_channel);
-        (self.attachments, self.metadata, self.is_whole) = (attachments, metadata, is_whole);
+        (self.attachments, self.metadata) = (attachments, metadata);
+        (self.is_whole, self.times) = (is_whole, times);
         Ok(())
     }
 
     /// True if the file has its end: its writer was not interrupted.
     pub fn is_whole(&self) -> bool {
         self.is_whole
+    }
+
+    /// Times of the first and the last sample, as [`RecordedSample::time_ns`]; `None` if there is no sample.
+    pub fn times(&self) -> Option<(u64, u64)> {
+        self.times
     }
 
     /// The file.
@@ -243,7 +254,7 @@ impl Recording {
 
     /// All samples in the order of the file, which is almost that of their times. Of a torn file those before the damage.
     pub fn samples(&self) -> Samples<'_> {
-        Samples { recording: self, records: self.records().ok() }
+        Samples { recording: self, records: self.records().ok(), next: None }
     }
 
     /// All samples in the order of their times.
@@ -255,32 +266,63 @@ impl Recording {
         samples.sort_by_key(|sample| sample.time_ns);
         Ok(samples)
     }
+
+    /// The newest sample of each topic at a time, and those that come after it, in the order of the file. What lies before is
+    /// passed over without being decoded.
+    ///
+    /// # Errors
+    /// A message is damaged.
+    pub fn at(&self, time_ns: u64) -> Result<(Vec<RecordedSample>, Samples<'_>), ReadError> {
+        let mut samples = self.samples();
+        let mut newest: BTreeMap<usize, Message<'_>> = BTreeMap::new();
+        while let Some(message) = samples.message() {
+            if message.time_ns > time_ns {
+                samples.next = Some(message);
+                break;
+            }
+            newest.insert(message.topic, message);
+        }
+        let newest = newest.into_values().map(|message| self.decode(message)).collect::<Result<_, _>>()?;
+        Ok((newest, samples))
+    }
+
+    fn decode(&self, Message { topic, time_ns, data }: Message<'_>) -> Result<RecordedSample, ReadError> {
+        let of_topic = &self.topics[topic];
+        match of_topic.derived.decode(&data) {
+            Ok((stamp, bytes)) => Ok(RecordedSample { topic, time_ns, stamp, bytes }),
+            Err(source) => {
+                let (path, topic) = (self.path.clone(), of_topic.name.clone());
+                Err(ReadError::Message { path, topic, source: Box::new(source) })
+            }
+        }
+    }
+}
+
+/// A message of a topic as it stands in the file.
+struct Message<'r> {
+    topic: usize,
+    time_ns: u64,
+    data: Cow<'r, [u8]>,
 }
 
 /// The samples of a recording, one after the other.
 pub struct Samples<'r> {
     recording: &'r Recording,
     records: Option<ChunkFlattener<'r>>,
+    /// A message that was looked at already.
+    next: Option<Message<'r>>,
 }
 
-impl Iterator for Samples<'_> {
-    type Item = Result<RecordedSample, ReadError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
+impl<'r> Samples<'r> {
+    fn message(&mut self) -> Option<Message<'r>> {
+        if let Some(message) = self.next.take() {
+            return Some(message);
+        }
         loop {
             match self.records.as_mut()?.next() {
                 Some(Ok(Record::Message { header, data })) => {
                     let Some(topic) = self.recording.of_channel.get(&header.channel_id) else { continue };
-                    let of_topic = &self.recording.topics[*topic];
-                    return Some(match of_topic.derived.decode(&data) {
-                        Ok((stamp, bytes)) => {
-                            Ok(RecordedSample { topic: *topic, time_ns: header.log_time, stamp, bytes })
-                        }
-                        Err(source) => {
-                            let (path, topic) = (self.recording.path.clone(), of_topic.name.clone());
-                            Err(ReadError::Message { path, topic, source: Box::new(source) })
-                        }
-                    });
+                    return Some(Message { topic: *topic, time_ns: header.log_time, data });
                 }
                 Some(Ok(_)) => {}
                 // The scan has read so far, and has found nothing behind it.
@@ -290,5 +332,14 @@ impl Iterator for Samples<'_> {
                 }
             }
         }
+    }
+}
+
+impl Iterator for Samples<'_> {
+    type Item = Result<RecordedSample, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let message = self.message()?;
+        Some(self.recording.decode(message))
     }
 }

@@ -11,7 +11,7 @@ use mcap::{Attachment, McapError, WriteOptions};
 
 use super::ReadError;
 
-/// What was recovered of a torn file.
+/// Counts of what was recovered of a torn file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Recovered {
     /// Messages of all channels.

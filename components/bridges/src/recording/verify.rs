@@ -44,7 +44,7 @@ pub struct Difference {
     pub what: What,
 }
 
-/// What differs.
+/// Kind of the difference.
 #[derive(Debug, Clone, PartialEq)]
 pub enum What {
     /// A field of the sample or of its stamp.

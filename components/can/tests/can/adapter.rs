@@ -7,7 +7,7 @@ use motorium_can::{Frame, Id, Range, Received, SimulatedBus, SimulatedDrive, Tab
 const CYCLE_NS: u64 = 1_000_000;
 const DELAY_NS: u64 = 50_000;
 
-/// What befalls the answers of a drive: the answers in its place, with their delays.
+/// Fault of the answers of a drive: the answers in its place, with their delays.
 type Befalls = fn(u64, Frame) -> Vec<(Frame, u64)>;
 
 /// Two drives on a bus, and the adapter.
@@ -37,7 +37,7 @@ fn well(_: u64, answer: Frame) -> Vec<(Frame, u64)> {
 impl Rig {
     fn new(befalls: Befalls) -> Self {
         let table = table();
-        let drive = |index| SimulatedDrive::new(table.drive(index), Some(5_000_000));
+        let drive = |index| SimulatedDrive::new(table.drive(index).unwrap(), Some(5_000_000));
         Self {
             adapter: Adapter::new(&table, &[0, 1], &[0.3, 0.3], OnTrip::Damp),
             bus: SimulatedBus::new(table.rates(0), 3, 64),

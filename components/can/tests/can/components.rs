@@ -65,7 +65,7 @@ impl Drop for Folder {
     }
 }
 
-/// Where the joints are held, rad.
+/// Positions at which the joints are held, rad.
 pub(super) const GOAL: [f64; 3] = [0.35, 0.75, -0.85];
 
 /// A planar arm held by commands through drives, with this in the table of the simulated drives and of the safety.

@@ -37,7 +37,7 @@ use velocity::VelocityController;
 /// tick; torques follow the policy of the graph.
 pub struct QpController(Formulation);
 
-/// What it computes.
+/// Level at which it computes.
 enum Formulation {
     Velocity(Box<VelocityController>),
     Torque(Box<TorqueController>),

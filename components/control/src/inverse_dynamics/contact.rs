@@ -38,7 +38,7 @@ pub struct Contact {
     pub name: String,
     /// Frame of the robot.
     pub frame: FrameId,
-    /// Where it touches.
+    /// Point of contact.
     pub shape: ContactShape,
     /// Coefficient of friction. Default 0.6.
     pub friction: f64,

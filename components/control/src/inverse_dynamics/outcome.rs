@@ -98,7 +98,7 @@ pub struct InverseDynamicsSolution {
     pub torque: DVector<f64>,
     /// Contact forces: for each point of each contact two tangential components and the normal one \[N\].
     pub forces: DVector<f64>,
-    /// What was relaxed, if anything had to be.
+    /// Limits that were relaxed, if any had to be.
     pub slack: Option<Slack>,
     /// Iterations of the solver in the first level.
     pub iterations: u32,

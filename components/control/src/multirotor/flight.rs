@@ -28,7 +28,7 @@ pub struct FlightSettings {
     pub thrust: [f64; 2],
 }
 
-/// Where the base is to be.
+/// Desired position of the base.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FlightTarget {
     /// Position \[m\].

@@ -112,8 +112,8 @@ fn residual(problem: &Problem, solution: &Solution) -> f64 {
     KktResidual::of(problem, solution).worst() / size
 }
 
-/// What the reference says of the problem; with `nearest`, of the point nearest to the origin instead, which exists if and
-/// only if the constraints can be satisfied.
+/// Answer of the reference to the problem; with `nearest`, of the point nearest to the origin instead, which exists
+/// if and only if the constraints can be satisfied.
 fn reference(trial: &Trial, nearest: bool) -> Result<f64, SolveError> {
     let mut problem = trial.problem.clone();
     if nearest {

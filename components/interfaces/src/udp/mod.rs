@@ -129,7 +129,7 @@ impl Component for UdpSensor {
 }
 
 impl UdpSensor {
-    /// Whether the datagram read last may be published.
+    /// True if the datagram read last may be published.
     fn admit(&mut self, datagram: &Datagram) -> bool {
         let known = |address| self.senders.iter().any(|sender| sender.is(address));
         if !self.senders.is_empty() && !datagram.sender.is_some_and(known) {

@@ -1,4 +1,4 @@
-//! How far colliders have moved and how fast they are: what carries a bound of the distance of two from step to step.
+//! Ways and speeds of colliders, which carry a bound of the distance of two from step to step.
 
 use motorium_robots::{Collisions, Kinematics};
 use nalgebra::{Isometry3, Matrix3, Vector3};

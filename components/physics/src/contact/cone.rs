@@ -42,7 +42,7 @@ pub(crate) struct ConeSolver {
     pub(super) immovable: Vec<bool>,
     /// The points that an impulse at each point moves, itself included, ascending, one list after the other.
     coupled: Vec<u32>,
-    /// Where the list of each point ends.
+    /// End of the list of each point.
     ends: Vec<usize>,
     pub(super) lambda: Vec<f64>,
     pub(super) newton: Newton,

@@ -104,7 +104,7 @@ fn towards(pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
     pose.rotation.inverse_transform_vector(&-Vector3::z())
 }
 
-/// Where a feature touches the terrain, or comes nearer to it than `margin` \[m\].
+/// Points at which a feature touches the terrain, or comes nearer to it than `margin` \[m\].
 fn touches(field: &HeightField, place: &Point3<f64>, radius: f64, margin: f64) -> [Option<Touch>; FACES] {
     let mut touches = [None; FACES];
     let above = place.z - field.height(place.x, place.y);

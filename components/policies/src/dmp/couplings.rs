@@ -1,4 +1,4 @@
-//! What the robot meets on the way: couplings of the primitives to its error, to obstacles and to forces.
+//! Couplings to what the robot meets on the way: of the primitives to its error, to obstacles and to forces.
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare};

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::waypoints::{GoalPlace, Waypoints};
 
-/// How far a frame can be at most from the first joint that moves it: all links in one line.
+/// Greatest distance of a frame from the first joint that moves it: all links in one line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Reach {
     /// Place of that joint in the world, m.

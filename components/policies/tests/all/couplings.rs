@@ -1,4 +1,4 @@
-//! What the robot meets on the way of `policy.dmp`: errors, obstacles, forces.
+//! Couplings of `policy.dmp` to what the robot meets on the way: errors, obstacles, forces.
 
 use motorium::launcher::Report;
 use motorium::prelude::*;

@@ -2,7 +2,7 @@
 
 use super::{MotionLimits, Profile};
 
-/// How a motion goes along its line.
+/// Profile of a motion along its line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Shape {

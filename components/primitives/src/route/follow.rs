@@ -12,7 +12,7 @@ pub struct Route {
     stage: Stage,
     /// Time since the stage began \[s\].
     elapsed: f64,
-    /// Where the stage began, and where it is to end.
+    /// Start and end of the stage.
     from: Place,
     to: Place,
     profile: Profile,
@@ -100,7 +100,7 @@ impl Route {
         self.elapsed >= length && (here || late)
     }
 
-    /// Where a place is in the axes of the base: ahead and to the left.
+    /// A place in the axes of the base: ahead and to the left.
     fn off(&self, at: Place, place: Place) -> (f64, f64) {
         let (dx, dy) = (place.x - at.x, place.y - at.y);
         let (sin, cos) = at.yaw.sin_cos();

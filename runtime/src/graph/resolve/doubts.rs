@@ -1,4 +1,4 @@
-//! What components say of their own configuration: errors and warnings, with the places of the keys that they name.
+//! Errors and warnings of components about their own configuration, with the places of the keys that they name.
 
 use super::Draft;
 use crate::declare::{ConfigError, DeclareWarning};

@@ -1,4 +1,5 @@
-//! How long a component may go without a step, compute without waiting, and how many of its steps it may lose.
+//! Limits of liveness: the time a component may go without a step, the time it may compute without waiting, the
+//! steps it may lose.
 
 use super::Draft;
 use super::timing::Timing;

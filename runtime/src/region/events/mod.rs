@@ -1,8 +1,8 @@
 //! The log of events of a run, in its control block: a ring for each severity and one for printed lines, of a fixed size.
 //!
-//! Whoever has something to tell writes it: the launcher, and the guard when the launcher is gone. No worker does: misses and
-//! refusals are counted by workers and told by the launcher, at its own pace. Since each severity has its ring, printed lines
-//! push out nothing else, and warnings push out no failure.
+//! Its writers are the launcher, and the guard when the launcher is gone. No worker writes it: misses
+//! and refusals are counted by workers and told by the launcher, at its own pace. Since each severity has its ring,
+//! printed lines push out nothing else, and warnings push out no failure.
 
 mod kind;
 mod ring;
@@ -147,7 +147,7 @@ impl EventReader {
         self.lost
     }
 
-    /// Whether the last call left out an event that was being written.
+    /// True if the last call left out an event that was being written.
     fn is_waiting(&self) -> bool {
         self.places.iter().any(|place| place.waits_for > place.read)
     }

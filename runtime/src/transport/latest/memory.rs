@@ -58,7 +58,7 @@ struct Slot {
 /// Bytes of the words before each value: they share a cache line with its beginning.
 const SLOT_WORDS: usize = size_of::<AtomicU64>() + size_of::<Stamp>();
 
-/// Where things lie in the memory of a topic, computed from the plan.
+/// Offsets in the memory of a topic, computed from the plan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Dimensions {
     pins: usize,
@@ -258,7 +258,7 @@ impl TopicMemory {
         }
     }
 
-    /// Whether the time to fill a value outweighs the choice of its slot.
+    /// True if the time to fill a value outweighs the choice of its slot.
     pub(crate) fn is_large(&self) -> bool {
         self.dimensions.size > LARGE
     }

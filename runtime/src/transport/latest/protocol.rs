@@ -58,7 +58,8 @@ pub(crate) struct Head<A: Atomics> {
     pub(crate) newest: A::U64,
     /// When the two newest publications were made, by the lowest bit of their number, ns.
     pub(crate) times: [A::U64; 2],
-    /// How many sleep. One that is killed asleep stays counted: it costs a system call per publication, no more.
+    /// Number of readers that sleep. One that is killed asleep stays counted: it costs a system call per
+    /// publication, no more.
     pub(crate) sleepers: A::U32,
     /// One more than the core of the last publication; 0 before.
     pub(crate) core: A::U32,

@@ -40,7 +40,7 @@ impl StateReader {
         if self.era == self.memory.era() { self.pinned } else { Newest::default() }
     }
 
-    /// Whether something was published since the last look.
+    /// True if something was published since the last look.
     #[inline]
     pub(crate) fn has_news(&self) -> bool {
         let news = self.memory.newest().number() != self.pinned().number();

@@ -66,7 +66,7 @@ pub(super) fn decode(declaration: &ParameterDeclaration, bits: &[u64]) -> Parame
     }
 }
 
-/// Whether bits are a value of a parameter, without allocating.
+/// True if bits are a value of a parameter, without allocating.
 fn admits(declaration: &ParameterDeclaration, bits: &[u64]) -> bool {
     match &declaration.default {
         ParameterValue::Float(_) | ParameterValue::Array(_) => {

@@ -21,7 +21,7 @@ const BLOCK: Layout = match Layout::from_size_align(128, 16) {
     Ok(layout) => layout,
     Err(_) => panic!("a constant layout is valid"),
 };
-/// So many free blocks a thread keeps: one per output port is needed.
+/// Number of free blocks that a thread keeps: one per output port is needed.
 const KEPT: usize = 32;
 
 /// Free blocks of one thread.

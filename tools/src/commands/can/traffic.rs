@@ -1,4 +1,4 @@
-//! What has gone over buses: rates, ages, errors.
+//! Traffic of buses: rates, ages, errors.
 
 use std::collections::BTreeMap;
 

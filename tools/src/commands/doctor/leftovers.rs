@@ -87,7 +87,7 @@ fn objects(shared: &Path, prefix: &str, user: Option<u32>) -> Vec<PathBuf> {
     found
 }
 
-/// What begins the names of the objects of runs that somebody holds.
+/// Prefix of the names of the objects of runs that somebody holds.
 fn held(objects: &[PathBuf]) -> Vec<String> {
     let locks = objects.iter().filter(|path| is_held(path));
     locks
@@ -96,7 +96,7 @@ fn held(objects: &[PathBuf]) -> Vec<String> {
         .collect()
 }
 
-/// Whether a file is too old to belong to a run that is just being made.
+/// True if a file is too old to belong to a run that is just being made.
 fn is_old(path: &Path) -> bool {
     let made = fs::metadata(path).and_then(|metadata| metadata.modified());
     made.is_ok_and(|made| made.elapsed().is_ok_and(|age| age > YOUNG))

@@ -31,7 +31,7 @@ impl Sources {
             .then(|| Self { runtime, lock: root.join("Cargo.lock") })
     }
 
-    /// What an archive of a release holds below the folder of `bin`: the crate as it is published.
+    /// Place in an archive of a release, below the folder of `bin`: the crate as it is published.
     fn installed(prefix: &Path) -> Option<Self> {
         let runtime = prefix.join("share/motorium/runtime");
         (names_the_crate(&runtime) && names_the_version(&runtime))

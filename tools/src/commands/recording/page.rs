@@ -185,7 +185,7 @@ fn histogram(title: &str, rising: &[u64]) -> Option<Chart> {
     })
 }
 
-/// What was late or refused, by the words of its events.
+/// Events of a run that was late or refused, by their words.
 fn misses(html: &mut String, analysis: &Analysis) {
     html.push_str("<h2>Misses</h2>\n");
     let kinds = ["missed", "latency_missed", "refused", "loses_steps"];

@@ -50,7 +50,7 @@ struct Mesh {
     scale: Vector3<f64>,
 }
 
-/// What became of one mesh.
+/// Outcome for one mesh.
 #[derive(serde::Serialize)]
 struct Made {
     link: String,

@@ -103,6 +103,8 @@ pub(crate) struct ComponentSpan {
     pub(crate) cpu_ns: Percentiles,
     /// Missed steps by cause, and their consequences.
     pub(crate) misses: Misses,
+    /// Releases by events that waited for `min_interval`.
+    pub(crate) deferred: u64,
     /// Steps that returned an error and were tolerated.
     pub(crate) errors: u64,
     /// Samples withheld or refused because of their content or their lateness.

@@ -22,6 +22,7 @@ fn span(steps: u64, rate_hz: f64, late: f64, step: f64) -> ComponentSpan {
         execution_ns: us(step * 0.8, step, step * 1.2, step * 2.0),
         cpu_ns: us(step * 0.9, step * 1.1, step * 1.3, step * 1.9),
         misses: Misses::default(),
+        deferred: 0,
         errors: 0,
         refused: 0,
         allocations: Some(0),
@@ -55,6 +56,7 @@ pub(super) fn top() -> Top {
     let mut physics =
         component("physics", Some(1), span(12_345, 999.8, 0.025, 85.0), span(1_000, 1000.0, 0.03, 90.0));
     physics.run.misses = Misses { stolen: 3, late_wake: 1, skipped: 4, ..Misses::default() };
+    physics.run.deferred = 7;
     (physics.core_share, physics.step_share, physics.spin_ns) = (Some(0.204), 0.104, 100_000);
     let encoder = component("encoder", Some(1), span(12_344, 999.8, 3.5, 8.0), span(1_000, 1000.0, 4.0, 9.0));
     let mut controller =

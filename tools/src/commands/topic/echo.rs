@@ -188,7 +188,7 @@ impl Echo {
     }
 }
 
-/// Whether a value has arrays with an entry for each of so many joints.
+/// True if a value has arrays with an entry for each of so many joints.
 fn are_of_joints(value: &Decoded<'_>, joints: usize) -> bool {
     joints > 0 && value.0.iter().any(|(_, value)| is_of_joints(value, joints))
 }

@@ -87,12 +87,12 @@ export class Connection extends EventTarget {
     this.#client?.getParameters([], `get ${++this.#number}`);
   }
 
-  /** Calls a service with an empty request; the answer, or an error in words. */
-  call(name) {
+  /** Calls a service; the answer, or an error in words. */
+  call(name, request = {}) {
     const service = this.#services.get(name);
     if (!this.#client || !service) return Promise.reject(new Error("no connection"));
     const callId = ++this.#number;
-    const data = new TextEncoder().encode("{}");
+    const data = new TextEncoder().encode(JSON.stringify(request));
     return new Promise((resolve, reject) => {
       this.#answers.set(callId, { resolve, reject });
       this.#client.sendServiceCallRequest({ serviceId: service.id, callId, encoding: "json", data });

@@ -5,10 +5,12 @@ import "uplot/dist/uPlot.min.css";
 import { Connection } from "./connection.js";
 import { Frames } from "./frames.js";
 import { Parameters } from "./parameters.js";
+import { Playback } from "./playback.js";
 import { Plot } from "./plot.js";
 import { Robot } from "./robot.js";
 import { View } from "./scene.js";
 import { Components, Joints } from "./table.js";
+import { Timeline } from "./timeline.js";
 
 const $ = (id) => document.getElementById(id);
 const SCENES = ["foxglove.SceneUpdate"];
@@ -20,6 +22,8 @@ const frames = new Frames();
 const plot = new Plot(connection, $("plot"), $("plot-topic"), $("plot-field"));
 const parameters = new Parameters(connection, $("parameters"));
 const components = new Components($("components"), $("latencies"));
+const timeline = new Timeline($("timeline"));
+const playback = new Playback(connection, $("playback"), (problem) => say(problem, true));
 const joints = new Joints($("joints"));
 
 let robots = [];
@@ -79,6 +83,7 @@ function begin(about) {
   const others = about.robots.filter((robot) => !robot.is_urdf).map((robot) => robot.name);
   $("note").textContent = others.length ? `not drawn, since not described by URDF: ${others.join(", ")}` : "";
   components.plan(about);
+  timeline.plan(about);
   parameters.plan(about);
   channels();
 }
@@ -111,6 +116,9 @@ function showRun() {
   $("resume").hidden = !(runs && held);
   $("end").hidden = !runs;
   $("start").hidden = lost || !run.can_start;
+  const recorded = run.state === "playback";
+  $("stop").hidden = recorded;
+  playback.show(recorded);
 }
 
 async function command(name) {
@@ -126,7 +134,8 @@ for (const name of ["stop", "resume", "end", "start"]) $(name).addEventListener(
 addEventListener("keydown", (event) => {
   if (event.code !== "Space" || event.target.closest?.("input, select, button")) return;
   event.preventDefault();
-  command("stop");
+  if (run.state === "playback") playback.toggle();
+  else command("stop");
 });
 
 connection.addEventListener("open", showRun);
@@ -140,7 +149,7 @@ connection.addEventListener("status", ({ detail: { level, message } }) => say(me
 connection.subscribe("/motorium/run", (state) => {
   run = state;
   showRun();
-  if (run.state !== "running") return;
+  if (run.state !== "running" && run.state !== "playback") return;
   if (graph?.run !== run.run) connection.again("/motorium/graph");
   else for (const robot of robots.filter(({ model }) => !model)) connection.again(robot.about.description);
 });
@@ -149,6 +158,7 @@ connection.subscribe("/motorium/graph", (about) => {
 });
 connection.subscribe("/motorium/top", (top) => {
   components.take(top);
+  timeline.take(top);
   $("time").textContent = `${top.elapsed_s.toFixed(1)} s`;
 });
 
@@ -190,6 +200,8 @@ globalThis.motorium = {
       joints: Object.fromEntries((robot.state?.joints ?? []).map(({ name, position }) => [name, position])),
     })),
     components: (components.rows ?? []).map(([{ text }, , rate]) => ({ name: text, rate: rate.text })),
+    timeline: timeline.state,
+    playback: playback.state,
     parameters: parameters.values,
     plot: plot.state,
     errors,

@@ -158,7 +158,7 @@ fn info(dataset: &Dataset, frames: &Frames) -> Value {
     })
 }
 
-/// Where each episode stands in the data.
+/// Place of each episode in the data.
 fn episodes(lengths: &[usize], task: &str) -> Vec<Column> {
     let ends = lengths.iter().scan(0, |end, length| {
         *end += length;
@@ -186,7 +186,7 @@ fn episodes(lengths: &[usize], task: &str) -> Vec<Column> {
     ]
 }
 
-/// What makes the words of a task the index of the table for pandas, in which LeRobot looks them up.
+/// Metadata by which pandas takes the words of a task for the index of the table, in which LeRobot looks them up.
 fn index_of_tasks() -> Value {
     let column = |name: &str, kind: &str, numpy: &str| json!({ "name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": null });
     json!({

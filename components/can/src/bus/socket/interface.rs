@@ -174,7 +174,7 @@ fn link(body: &[u8]) -> Option<Interface> {
     Some(interface)
 }
 
-/// What the driver tells of its controller.
+/// State of the controller, as its driver tells it.
 fn controller(data: &[u8], interface: &mut Interface) {
     let bitrate = |value| u32_at(value, 0).filter(|rate| *rate > 0);
     for (kind, value) in attributes(data) {

@@ -17,7 +17,7 @@ pub(super) fn to_kernel(frame: &Frame) -> canfd_frame {
         Id::Extended(id) => id | CAN_EFF_FLAG,
     };
     let flags = match frame.form {
-        Form::Classic => 0,
+        Form::Classic | Form::Packet => 0,
         Form::Fd => IS_FD,
         Form::FdFast => IS_FD | FAST,
     };
@@ -41,7 +41,7 @@ fn empty(can_id: u32, len: u8, flags: u8, data: [u8; 64]) -> canfd_frame {
     frame
 }
 
-/// What the kernel delivers as a frame.
+/// A frame as the kernel delivers it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Delivered {
     /// A data frame.

@@ -24,7 +24,7 @@ pub(super) struct BusAccount {
     /// It is an interface of the computer.
     is_real: bool,
     pub(super) condition: Condition,
-    /// What has happened on it.
+    /// Counts of what has happened on it.
     pub(super) events: SocketCounts,
 }
 

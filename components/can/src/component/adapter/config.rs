@@ -77,8 +77,8 @@ pub struct CanAdapterConfig {
     /// The drives, where no file has them.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
-    /// What the other drives do when one is lost or reports a fault, until `motorium resume`: "damp" or "disable". Default
-    /// "damp".
+    /// Reaction of the other drives when one is lost or reports a fault, until `motorium resume`: "damp" or
+    /// "disable". Default "damp".
     #[serde(default)]
     pub when_tripped: WhenTripped,
     /// True: drives whose watchdog is off are enabled, too. They go on by themselves when nobody commands them any more.

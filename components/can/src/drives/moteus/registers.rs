@@ -47,7 +47,7 @@ enum Quantity {
 }
 
 impl Quantity {
-    /// What a register that is known here holds.
+    /// Quantity in a register that is known here.
     fn of(register: u32) -> Option<Self> {
         Some(match register {
             MODE | FAULT => Self::Number,

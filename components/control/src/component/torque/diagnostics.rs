@@ -115,7 +115,7 @@ impl Diagnostics {
         }
     }
 
-    /// Where the centre of mass is.
+    /// Position of the centre of mass.
     pub(super) fn place(&mut self, centre: Vector3<f64>) {
         let (start, last) = self.centre.get_or_insert((centre, centre));
         *last = centre;

@@ -28,7 +28,7 @@ pub struct BaseEstimatorConfig {
     pub noise: FilterNoise,
     /// Standard deviations of the start.
     pub start_deviations: StartDeviations,
-    /// Where the base is at the start. Default: where the profile has it in the home pose.
+    /// Pose of the base at the start. Default: that of the profile in the home pose.
     pub start: Option<StartPose>,
     /// Time at the start in which the robot stands still: tilt and bias of the gyroscope are the mean of the readings in it.
     /// Default 100 ms.

@@ -15,7 +15,7 @@ const GYROSCOPE: usize = 3;
 const ACCELEROMETER: usize = 4;
 const FEET: usize = 5;
 
-/// Where the joints have a foot on the ground.
+/// Position of a foot on the ground by the joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactKinematics {
     /// Position of the foot in the axes of the sensor, from its origin \[m\]: forward kinematics of the encoders.

@@ -1,4 +1,4 @@
-//! How uncertain the inputs of the filter are.
+//! Uncertainty of the inputs of the filter.
 
 use schemars::JsonSchema;
 use serde::Deserialize;

@@ -1,0 +1,97 @@
+//! The latches of the command gate between processes: stops, emergency stops, and their release.
+
+use std::path::Path;
+use std::time::Duration;
+
+use motorium::launcher::Exit;
+use motorium::region::{GateState, Latch};
+use rustix::process::Signal;
+
+use crate::commands::{ROGUE, await_gate, gate, motorium, rogue};
+use crate::support::{Ended, Run, machine, panda_reach, signal};
+
+#[test]
+fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+    await_gate(&run, "it follows", |gate| gate.state == GateState::Following);
+    signal(run.launcher(), Signal::STOP);
+    let (code, text) = motorium(&run, &["stop", "--now"]);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("physics: in its safe state"), "{text}");
+    for _ in 0..100 {
+        let gate = gate(&run);
+        assert_eq!((gate.state, gate.latch), (GateState::Safe, Some(Latch::Stop)));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let (code, text) = motorium(&run, &["resume"]);
+    assert_eq!(code, Some(0), "{text}");
+    await_gate(&run, "it follows again", |gate| gate.state == GateState::Following && gate.latch.is_none());
+    let (code, text) = motorium(&run, &["resume"]);
+    assert!(code == Some(1) && text.contains("is not stopped"), "{text}");
+    signal(run.launcher(), Signal::CONT);
+    // the launcher tells what it can see
+    std::thread::sleep(Duration::from_millis(200));
+    for command in [&["stop", "--now"][..], &["resume"]] {
+        let (code, text) = motorium(&run, command);
+        assert_eq!(code, Some(0), "{text}");
+        std::thread::sleep(Duration::from_millis(200));
+    }
+    let (code, text) = motorium(&run, &["stop"]);
+    assert_eq!(code, Some(0), "{text}");
+    let ended = run.finish();
+    assert_eq!(ended.report().exit, Exit::Interrupted);
+    is_told_stopped_and_resumed(&ended, "by `motorium stop --now`; to go on: `motorium resume`");
+}
+
+/// The launcher told the stop by these words, and its end.
+fn is_told_stopped_and_resumed(ended: &Ended, words: &str) {
+    let stopped = ended.stderr.lines().position(|line| line.contains("stopped:") && line.contains(words));
+    let resumed = ended.stderr.lines().position(|line| line.contains("resumed: the robot comes back"));
+    let in_order = stopped.zip(resumed).is_some_and(|(stopped, resumed)| stopped < resumed);
+    assert!(in_order, "{words}: {}", ended.stderr);
+}
+
+#[test]
+fn under_latch_an_outage_keeps_the_robot_in_its_safe_state_until_resume() {
+    let _machine = machine();
+    // Commands are stale after so long that no stall of the machine is taken for an outage.
+    let settings = ["safety.resume=latch", "safety.stale_after=2 s", "safety.source_stale_after=2 s"];
+    let settings = settings.into_iter().chain(["realtime.hang_after=10 s"]).flat_map(|one| ["--set", one]);
+    let arguments: Vec<&str> = ["--for", "60 s"].into_iter().chain(settings).collect();
+    let run = Run::start(&panda_reach(), &arguments);
+    await_gate(&run, "the start is no outage", |gate| gate.state == GateState::Following);
+    let controller = run.pid_of("controller");
+    signal(controller, Signal::STOP);
+    await_gate(&run, "it is latched", |gate| gate.latch == Some(Latch::SafeState));
+    signal(controller, Signal::CONT);
+    std::thread::sleep(Duration::from_millis(300));
+    assert_eq!(gate(&run).state, GateState::Safe, "commands are fresh again, and it stays");
+    let (code, text) = motorium(&run, &["resume"]);
+    assert_eq!(code, Some(0), "{text}");
+    await_gate(&run, "it follows again", |gate| gate.state == GateState::Following && gate.latch.is_none());
+    assert_eq!(gate(&run).entries, 1, "one outage, one latch");
+    let (code, _) = motorium(&run, &["stop"]);
+    assert_eq!(code, Some(0));
+    is_told_stopped_and_resumed(&run.finish(), "since `physics` entered its safe state");
+}
+
+#[test]
+fn an_emergency_stop_of_a_component_latches_and_cannot_be_resumed_while_it_is_pressed() {
+    let _machine = machine();
+    let (_folder, graph) = rogue("from = 500, until = 3500", Path::new(ROGUE), "emergency_stop = \"stop\"");
+    let run = Run::start(&graph, &["--for", "60 s"]);
+    await_gate(&run, "it stops", |gate| gate.latch == Some(Latch::EmergencyStop));
+    let (code, text) = motorium(&run, &["resume"]);
+    assert!(code == Some(1) && text.contains("release the emergency stop first"), "{code:?} {text}");
+    assert_eq!(gate(&run).state, GateState::Safe);
+    std::thread::sleep(Duration::from_millis(3_500));
+    assert_eq!(gate(&run).latch, Some(Latch::EmergencyStop), "released, it stays latched");
+    let (code, text) = motorium(&run, &["resume"]);
+    assert_eq!(code, Some(0), "{text}");
+    await_gate(&run, "it follows again", |gate| gate.state == GateState::Following);
+    let (code, _) = motorium(&run, &["stop"]);
+    assert_eq!(code, Some(0));
+    let words = "by the emergency stop of `rogue` on `stop`; to go on: release the emergency stop, then";
+    is_told_stopped_and_resumed(&run.finish(), words);
+}

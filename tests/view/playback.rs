@@ -1,0 +1,134 @@
+//! `motorium view` of a recording: played by viewers of others and by the page.
+
+use std::path::{Path, PathBuf};
+
+use motorium_bridges::recording::{RecordedSample, Recording};
+use motorium_view::browser::Browser;
+use serde_json::json;
+
+use crate::client::{Client, Heard};
+use crate::page::{until, without_browser};
+use crate::support::{machine, panda_reach, run};
+use crate::viewer::Viewer;
+
+const SUBPROTOCOL: &str = "foxglove.sdk.v1";
+const STATE: &str = "panda/joint_state";
+const PLAYING: u8 = 0;
+const HELD: u8 = 1;
+const ENDED: u8 = 3;
+
+/// A recording of two seconds of the Panda, in this folder.
+fn recorded(folder: &Path) -> PathBuf {
+    let file = folder.join("run.mcap");
+    let name = file.to_str().expect("a name in UTF-8");
+    let ended =
+        run(&panda_reach(), &["--clock", "lockstep", "--for", "2 s", "--no-expect", "--record", name]);
+    assert!(ended.report.is_some(), "{}", ended.stderr);
+    file
+}
+
+/// The newest sample of a topic at a time.
+fn at(recording: &Recording, topic: &str, time_ns: u64) -> RecordedSample {
+    let index = recording.topic(topic).expect("the topic is recorded");
+    let of_topic = recording.sorted().unwrap().into_iter().filter(|sample| sample.topic == index);
+    of_topic.take_while(|sample| sample.time_ns <= time_ns).last().expect("a sample")
+}
+
+#[test]
+fn a_recording_is_played_from_the_place_and_at_the_speed_that_a_viewer_asks_for() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path());
+    let recording = Recording::open(&file).unwrap();
+    let (start, end) = recording.times().expect("there are samples");
+    let viewer = Viewer::start(&[file.to_str().unwrap()], &[]);
+    let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
+    client.await_channels(&[
+        STATE,
+        "panda/true_joint_state/transforms",
+        "/robot_description",
+        "/motorium/playback",
+    ]);
+    assert!(client.info["capabilities"].as_array().unwrap().contains(&json!("playbackControl")));
+    let time = |ns: u64| json!({ "sec": ns / 1_000_000_000, "nsec": ns % 1_000_000_000 });
+    assert_eq!([&client.info["dataStartTime"], &client.info["dataEndTime"]], [&time(start), &time(end)]);
+
+    // held at a place, it shows the newest sample there
+    let derived = recording.topics()[recording.topic(STATE).unwrap()].derived();
+    let subscription = client.subscribe(STATE);
+    let shown = |client: &mut Client, wanted: &RecordedSample| {
+        let (stamp, bytes) = client.hear_until("the sample of the recording", |_, heard| match heard {
+            Heard::Message(of, time, message) if *of == subscription && *time == wanted.time_ns => {
+                Some(derived.decode(message).expect("a message of the schema"))
+            }
+            _ => None,
+        });
+        assert_eq!((stamp.sequence, &bytes), (wanted.stamp.sequence, &wanted.bytes));
+    };
+    for share in [2, 4, 3] {
+        let place = start + (end - start) / share;
+        let state = client.control(false, 1.0, Some(place));
+        assert_eq!((state.status, state.time_ns, state.did_seek), (HELD, place, true));
+        shown(&mut client, &at(&recording, STATE, place));
+    }
+    let place = client.control(false, 1.0, None).time_ns;
+    assert_eq!(place, start + (end - start) / 3, "it stays there");
+
+    // to the end, faster than it was recorded
+    let state = client.control(true, 8.0, None);
+    assert_eq!((state.status, state.speed), (PLAYING, 8.0));
+    let (mut last, mut ended) = (None, None);
+    client.hear_until("the end", |_, heard| {
+        match heard {
+            Heard::Message(of, time, _) if *of == subscription => last = Some(*time),
+            Heard::Playback(state) => ended = Some(state.clone()),
+            _ => {}
+        }
+        (last == Some(at_end(&recording)) && ended.is_some()).then_some(())
+    });
+    let ended = ended.unwrap();
+    assert_eq!((ended.status, ended.time_ns, ended.request.as_str()), (ENDED, end, ""));
+    assert!(
+        client.call("/motorium/play").unwrap_err().contains("plays"),
+        "an empty request says what it lacks"
+    );
+}
+
+fn at_end(recording: &Recording) -> u64 {
+    at(recording, STATE, u64::MAX).time_ns
+}
+
+#[test]
+fn the_page_shows_the_place_of_the_recording_that_its_slider_is_at() {
+    if without_browser() {
+        return;
+    }
+    let _machine = machine();
+    let folder = tempfile::tempdir().unwrap();
+    let file = recorded(folder.path());
+    let recording = Recording::open(&file).unwrap();
+    let (start, _) = recording.times().expect("there are samples");
+    let viewer = Viewer::start(&[file.to_str().unwrap()], &[]);
+    let mut browser = Browser::open(&viewer.address(), (1280, 860)).unwrap();
+    let state = until(&mut browser, "the robot is drawn", |state| {
+        state["run"]["state"] == "playback" && state["robots"][0]["drawn"] == true
+    });
+    let topic = state["robots"][0]["topic"].as_str().unwrap().to_string();
+    assert_eq!(browser.evaluate("document.getElementById('stop').hidden").unwrap(), true);
+    if state["playback"]["plays"] == true {
+        browser.evaluate("document.querySelector('#playback button').click()").unwrap();
+    }
+    until(&mut browser, "it is held", |state| state["playback"]["plays"] == false);
+    for place in [1.5, 0.25, 1.0] {
+        let moved = format!(
+            "(() => {{ const slider = document.querySelector('#playback input'); slider.value = {place}; \
+             slider.dispatchEvent(new Event('input')); return Number(slider.value); }})()"
+        );
+        let place = browser.evaluate(&moved).unwrap().as_f64().unwrap();
+        let wanted = at(&recording, &topic, start + (place * 1e9) as u64).stamp.sequence;
+        until(&mut browser, "the sample at the place of the slider", |state| {
+            state["robots"][0]["sequence"] == wanted
+        });
+    }
+    assert_eq!(browser.evaluate("motorium.state().errors").unwrap(), json!([]));
+}

@@ -1,0 +1,110 @@
+//! The channels that a plan is served by: those of its topics, and those of messages that never change.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use foxglove::{PartialMetadata, RawChannel, Schema, SinkId};
+use motorium::plan::Plan;
+use motorium::schedule::Overheads;
+use motorium::state::Stamp;
+use motorium_bridges::foxglove::{Channel, channels, descriptions};
+
+use crate::server::Server;
+use crate::{graph, world};
+
+/// The channels of a plan. They close when this is dropped: nothing more comes through them.
+#[derive(Debug)]
+pub(crate) struct Channels {
+    /// Of each topic, in the order of the plan.
+    topics: Vec<Vec<(Channel, Arc<RawChannel>)>>,
+    /// Messages that never change, by topic: sent to each that subscribes.
+    latched: BTreeMap<String, (Arc<RawChannel>, Vec<u8>)>,
+    message: Vec<u8>,
+}
+
+impl Channels {
+    /// Begins a session called `id`, and advertises the channels of those topics of the plan that are `served`. Viewers are
+    /// told the timeline that these overheads predict.
+    pub(crate) fn open(
+        server: &Server,
+        id: &str,
+        plan: &Plan,
+        overheads: &Overheads,
+        served: impl Fn(usize) -> bool,
+    ) -> anyhow::Result<Self> {
+        let robots = graph::robots(plan);
+        let packages = robots.iter().flat_map(|robot| robot.package_path.iter().cloned()).collect();
+        let files = robots.iter().filter_map(|robot| graph::file_of(robot)).collect();
+        server.begin_session(id, packages, files);
+        let mut topics = Vec::new();
+        for index in 0..plan.topics.len() {
+            let of_topic = if served(index) { channels(plan, index)? } else { Vec::new() };
+            let mut advertised = Vec::new();
+            for channel in of_topic {
+                let raw = server.channel(&channel.name, "protobuf", schema(&channel))?;
+                advertised.push((channel, raw));
+            }
+            topics.push(advertised);
+        }
+        let mut latched = BTreeMap::new();
+        let mut keep = |channel: Arc<RawChannel>, message: Vec<u8>| {
+            channel.log(&message);
+            latched.insert(channel.topic().to_string(), (channel, message));
+        };
+        for description in descriptions(plan) {
+            let text = serde_json::json!({ "data": description.text }).to_string();
+            keep(server.json_channel(&description.topic, "std_msgs/String", TEXT)?, text.into_bytes());
+        }
+        let text = graph::describe(id, plan, overheads).to_string();
+        keep(server.json_channel("/motorium/graph", "motorium.Graph", OBJECT)?, text.into_bytes());
+        if let Some((schema, message)) = world::scene(plan) {
+            keep(server.channel("/world/scene", "protobuf", schema)?, message);
+        }
+        Ok(Self { topics, latched, message: Vec::with_capacity(16 * 1024) })
+    }
+
+    /// True if somebody looks at a topic, or at pictures whose form it tells.
+    pub(crate) fn is_watched(&self, topic: usize) -> bool {
+        let mut watched = self.topics.iter().flatten().filter(|(_, raw)| raw.has_sinks());
+        watched.any(|(channel, _)| channel.topic == topic || channel.form_topic() == Some(topic))
+    }
+
+    /// Sends one sample through those of the channels of its topic that somebody looks at.
+    pub(crate) fn send(&mut self, topic: usize, stamp: &Stamp, bytes: &[u8], time_ns: u64) {
+        self.topics.iter_mut().flatten().for_each(|(channel, _)| channel.note(topic, bytes));
+        for (channel, raw) in self.topics[topic].iter_mut().filter(|(_, raw)| raw.has_sinks()) {
+            self.message.clear();
+            // A sample that does not fit its robot is not drawn; the exact channel has it.
+            if channel.encode(stamp, bytes, time_ns, &mut self.message).is_ok() {
+                raw.log_with_meta(&self.message, PartialMetadata { log_time: Some(time_ns) });
+            }
+        }
+    }
+
+    /// The topic of the plan that a channel shows.
+    pub(crate) fn topic_of(&self, channel: &str) -> Option<usize> {
+        self.topics.iter().position(|all| all.iter().any(|(_, raw)| raw.topic() == channel))
+    }
+
+    /// Sends the message of a topic that never changes to one that has subscribed to it.
+    pub(crate) fn send_latched(&self, topic: &str, sink: Option<SinkId>) {
+        if let Some((channel, message)) = self.latched.get(topic) {
+            channel.log_to_sink(message, sink);
+        }
+    }
+}
+
+impl Drop for Channels {
+    fn drop(&mut self) {
+        self.topics.iter().flatten().for_each(|(_, raw)| raw.close());
+        self.latched.values().for_each(|(raw, _)| raw.close());
+    }
+}
+
+fn schema(channel: &Channel) -> Schema {
+    let schema = channel.schema();
+    Schema::new(schema.name.clone(), schema.encoding, schema.data.clone())
+}
+
+const TEXT: &str = r#"{"type": "object", "required": ["data"], "properties": {"data": {"type": "string"}}}"#;
+const OBJECT: &str = r#"{"type": "object"}"#;

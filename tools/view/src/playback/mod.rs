@@ -1,0 +1,203 @@
+//! A recording in place of a run: its samples, sent to those who have subscribed at the pace that they ask for.
+
+mod player;
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use foxglove::RawChannel;
+use motorium::declare::TopicPattern;
+use motorium::plan::Plan;
+use motorium_bridges::recording::{ReadError, RecordedSample, Recording, Samples};
+use serde_json::json;
+
+use crate::ask::Ask;
+use crate::channels::Channels;
+use crate::follow::{RUN, RUN_SCHEMA};
+use crate::request::Request;
+use crate::server::Server;
+pub(crate) use player::Player;
+
+/// Time between two reports of the place that is shown.
+const TOLD: Duration = Duration::from_millis(100);
+const PLACE: &str = "/motorium/playback";
+/// JSON Schema of the place.
+pub(crate) const PLACE_SCHEMA: &str = include_str!("../../schema/playback.schema.json");
+const NO_RUN: &str = "this is a recording: nothing runs";
+
+/// A recording that is shown.
+struct Playback<'r> {
+    recording: &'r Recording,
+    plan: Plan,
+    channels: Channels,
+    /// The topic of the plan for each of the recording.
+    topics: Vec<Option<usize>>,
+    rest: Samples<'r>,
+    /// The first sample that is later than the place that is shown.
+    later: Option<RecordedSample>,
+    /// The newest sample of each topic of the plan.
+    newest: Vec<Option<RecordedSample>>,
+    /// True for a state that has changed since it was sent.
+    changed: Vec<bool>,
+}
+
+/// Opens a recording; its times.
+pub(crate) fn open(path: &Path) -> anyhow::Result<(Recording, (u64, u64))> {
+    let recording = Recording::open(path)?;
+    let times = recording.times().with_context(|| format!("{}: it holds no samples", path.display()))?;
+    Ok((recording, times))
+}
+
+/// Plays a recording until `over` or `interrupted` says so.
+pub(crate) fn play(
+    request: &Request,
+    recording: &Recording,
+    server: &Server,
+    player: &Mutex<Player>,
+    asks: &Receiver<Ask>,
+    [over, interrupted]: [&AtomicBool; 2],
+) -> anyhow::Result<()> {
+    let player = || player.lock().unwrap_or_else(PoisonError::into_inner);
+    let run_channel = server.json_channel(RUN, "motorium.Run", RUN_SCHEMA)?;
+    let place_channel = server.json_channel(PLACE, "motorium.Playback", PLACE_SCHEMA)?;
+    let mut playback = Playback::open(request, recording, server)?;
+    let period = Duration::from_secs_f64(1.0 / request.rate_hz);
+    let (mut last, mut told) = (Instant::now(), None::<Instant>);
+    let mut next = last;
+    while !over.load(Relaxed) && !interrupted.load(Relaxed) {
+        match asks.recv_timeout(next.saturating_duration_since(Instant::now())) {
+            Ok(ask) => {
+                playback.answer(ask, &run_channel);
+                continue;
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+        let now = Instant::now();
+        // Periods that were lost are not made up for.
+        next = (next + period).max(now);
+        let moved = player().step(now - last);
+        last = now;
+        if moved.sought {
+            playback.seek(moved.to_ns)?;
+        } else {
+            playback.go_on(moved.to_ns)?;
+        }
+        playback.send_states();
+        if moved.ended {
+            server.tell_playback(player().state());
+        }
+        if moved.ended || moved.sought || told.is_none_or(|told| now - told >= TOLD) {
+            told = Some(now);
+            place_channel.log(player().told().to_string().as_bytes());
+            run_channel.log(playback.state().as_bytes());
+        }
+    }
+    Ok(())
+}
+
+impl<'r> Playback<'r> {
+    fn open(request: &Request, recording: &'r Recording, server: &Server) -> anyhow::Result<Self> {
+        let plan = recording.plan()?;
+        let of_plan = |name: &str| plan.topics.iter().position(|topic| topic.name == name);
+        let topics: Vec<Option<usize>> =
+            recording.topics().iter().map(|topic| of_plan(&topic.name)).collect();
+        let id = recording.path().display().to_string();
+        let overheads = request.overheads.unwrap_or_default();
+        let channels = Channels::open(server, &id, &plan, &overheads, |index| topics.contains(&Some(index)))?;
+        let count = plan.topics.len();
+        let (rest, later) = (recording.samples(), None);
+        let (newest, changed) = (vec![None; count], vec![false; count]);
+        Ok(Self { recording, plan, channels, topics, rest, later, newest, changed })
+    }
+
+    /// Shows a place anew: the newest sample of each topic then.
+    fn seek(&mut self, time_ns: u64) -> Result<(), ReadError> {
+        let (newest, rest) = self.recording.at(time_ns)?;
+        (self.rest, self.later) = (rest, None);
+        self.newest.fill(None);
+        for sample in newest {
+            let Some(topic) = self.topics[sample.topic] else { continue };
+            self.send(topic, &sample);
+            self.newest[topic] = Some(sample);
+        }
+        self.changed.fill(false);
+        Ok(())
+    }
+
+    /// Goes on to a place: every sample of a stream is sent, of a state the newest by [`send_states`](Self::send_states).
+    fn go_on(&mut self, time_ns: u64) -> Result<(), ReadError> {
+        loop {
+            let Some(sample) = self.later.take().map(Ok).or_else(|| self.rest.next()).transpose()? else {
+                return Ok(());
+            };
+            if sample.time_ns > time_ns {
+                self.later = Some(sample);
+                return Ok(());
+            }
+            let Some(topic) = self.topics[sample.topic] else { continue };
+            if self.plan.topics[topic].pattern == TopicPattern::State {
+                self.changed[topic] = true;
+            } else {
+                self.send(topic, &sample);
+            }
+            self.newest[topic] = Some(sample);
+        }
+    }
+
+    fn send_states(&mut self) {
+        for topic in 0..self.newest.len() {
+            if !std::mem::take(&mut self.changed[topic]) {
+                continue;
+            }
+            if let Some(sample) = self.newest[topic].take() {
+                self.send(topic, &sample);
+                self.newest[topic] = Some(sample);
+            }
+        }
+    }
+
+    fn send(&mut self, topic: usize, sample: &RecordedSample) {
+        self.channels.send(topic, &sample.stamp, &sample.bytes, sample.time_ns);
+    }
+
+    fn answer(&mut self, ask: Ask, run_channel: &RawChannel) {
+        match ask {
+            Ask::Get(_, responder) => responder.respond(Vec::new()),
+            Ask::Set(_, client, responder) => {
+                client.send_error(NO_RUN);
+                responder.respond(Vec::new());
+            }
+            Ask::Command(_, responder) => responder.respond_err(NO_RUN.to_string()),
+            Ask::Latched(topic, sink) => {
+                if topic == RUN {
+                    run_channel.log_to_sink(self.state().as_bytes(), sink);
+                } else if let Some(topic) = self.channels.topic_of(&topic) {
+                    // What is shown while the recording stands still.
+                    self.changed[topic] = true;
+                } else {
+                    self.channels.send_latched(&topic, sink);
+                }
+            }
+        }
+    }
+
+    fn state(&self) -> String {
+        json!({
+            "run": self.recording.path().display().to_string(),
+            "graph": self.plan.name,
+            "state": "playback",
+            "clock": self.plan.clock,
+            "latched": null,
+            "can_start": false,
+        })
+        .to_string()
+    }
+}
+
+/// A player that the listeners of the server share with the thread that plays.
+pub(crate) type Shared = Arc<Mutex<Player>>;
