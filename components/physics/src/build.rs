@@ -1,6 +1,6 @@
 //! Errors and warnings of setting up a simulation.
 
-use motorium_robots::Model;
+use motorium_robots::{ActuatorError, Model};
 
 use crate::joint::JointProperties;
 use crate::{LibraryError, Options, ResetError, WorldError};
@@ -31,6 +31,17 @@ pub enum BuildError {
     Refused {
         /// What MuJoCo says.
         reason: String,
+    },
+    /// An actuator that is not ideal, with another engine than ours.
+    #[error("this engine simulates ideal drives only; use `physics.articulated` (`ArticulatedSimulator`)")]
+    IdealDrives,
+    /// The settings of an actuator have a mistake.
+    #[error("actuator of joint \"{joint}\": {error}")]
+    Actuator {
+        /// The joint.
+        joint: String,
+        /// The mistake.
+        error: ActuatorError,
     },
     /// The initial state has a mistake.
     #[error("initial state: {0}")]

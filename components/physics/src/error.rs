@@ -2,8 +2,9 @@
 
 use motorium_robots::Model;
 
-use crate::JointCommand;
+use crate::properties::Surface;
 use crate::robot::BASE_BOUND;
+use crate::{JointCommand, WorldError};
 
 /// An error of a step. The state is the one before the step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -150,6 +151,20 @@ pub enum ResetError {
         /// Velocity given.
         velocity: Vec<f64>,
     },
+    /// The properties of another robot or another world.
+    #[error(
+        "the properties are those of another robot or world; change those that `Simulation::properties` gives"
+    )]
+    Properties,
+    /// A world with a mistake in it.
+    #[error(transparent)]
+    World(WorldError),
+    /// A surface that cannot be.
+    #[error(
+        "the surface of \"{}\" has friction {} and restitution {}: expected a number from 0 up, and one from 0 to 1",
+        .0.name, .0.friction, .0.restitution
+    )]
+    Surface(Surface),
     /// A value is not finite.
     #[error("joint {joint} (\"{name}\") would start at position {position}, velocity {velocity}: not finite")]
     NotFinite {

@@ -18,6 +18,7 @@ mod error;
 mod joint;
 mod mujoco;
 mod options;
+mod properties;
 mod rapier;
 mod rays;
 mod robot;
@@ -32,14 +33,16 @@ pub use batch::Batch;
 pub use build::{BuildError, BuildWarning};
 pub use command::JointCommand;
 pub use component::{
-    ArticulatedPhysics, MujocoPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine, PushConfig,
-    RapierPhysics, kinds,
+    ActuatorConfig, ArticulatedPhysics, EnvelopeConfig, Interval, MujocoPhysics, ObjectIntervals,
+    PhysicsComponent, PhysicsConfig, PhysicsEngine, PlaceIntervals, PushConfig, RandomiseConfig,
+    RapierPhysics, RobotIntervals, SurfaceIntervals, ThermalConfig, kinds,
 };
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
 pub use motorium_robots::{Ground, Object, ObjectShape, Terrain, TerrainLayer, World, WorldError};
 pub use mujoco::{LibraryError, Mujoco, MujocoSimulator};
 pub use options::Options;
+pub use properties::{Properties, Surface};
 pub use rapier::{Enclose, Rapier, RapierSimulator};
 pub use robot::{Robot, RobotSetup};
 pub use rotors::RotorDrive;

@@ -1,8 +1,12 @@
 //! `sensor.joint_encoder`: the joint sensors of a robot as a component.
 
+pub mod blob;
 pub mod contact;
 pub mod estimator;
+pub mod force_torque;
 pub mod imu;
+pub mod joint_torque;
+mod loads;
 pub mod merge;
 pub mod place;
 pub mod rays;
@@ -170,6 +174,8 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<merge::JointMerge>(),
         Kind::of::<imu::Imu>(),
         Kind::of::<contact::FootContactSensor>(),
+        Kind::of::<joint_torque::JointTorque>(),
+        Kind::of::<force_torque::ForceTorque>(),
         Kind::of::<estimator::BaseEstimator>(),
         Kind::of::<place::AtPlace<place::Altimeter>>(),
         Kind::of::<place::AtPlace<place::Magnetometer>>(),
@@ -178,5 +184,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<rays::AlongRays<rays::Lidar>>(),
         Kind::of::<rays::AlongRays<rays::HeightScanSensor>>(),
         Kind::of::<rays::AlongRays<rays::DepthCamera>>(),
+        Kind::of::<rays::AlongRays<rays::Camera>>(),
+        Kind::of::<blob::BlobEstimator>(),
     ]
 }

@@ -33,7 +33,9 @@ pub use encode::{EncodeError, encode};
 pub use field::{Defect, Digest, Field};
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
-pub use learning::{Action, MAX_ACTION, MAX_OBSERVATION, MAX_WEIGHTS, Observation, Reward, Weights};
+pub use learning::{
+    Action, MAX_ACTION, MAX_DRAWN, MAX_OBSERVATION, MAX_WEIGHTS, Observation, Randomisation, Reward, Weights,
+};
 pub use legs::{BaseEstimate, FootContacts, MAX_FEET};
 pub use motion::{BaseState, ImuSample, Odometry, Phase, PoseTarget, TwistTarget, Wrench};
 pub use numbers::{number, numbered};

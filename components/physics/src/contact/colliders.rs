@@ -8,7 +8,7 @@ use motorium_robots::{
 };
 use nalgebra::Isometry3;
 
-use crate::{BuildWarning, Options, RobotSetup, World};
+use crate::{BuildWarning, Options, RobotSetup, Surface, World};
 
 /// Links that start closer than this never touch each other \[m\].
 const TOO_CLOSE: f64 = 0.010;
@@ -139,6 +139,23 @@ impl Colliders {
             });
         }
         Self { colliders, first_object, model, terrain: field.map(Arc::new) }
+    }
+
+    /// The surface of each collider.
+    pub(crate) fn surfaces(&self) -> Vec<Surface> {
+        let surface = |collider: &Collider| Surface {
+            name: collider.name.clone(),
+            friction: collider.friction,
+            restitution: collider.restitution,
+        };
+        self.colliders.iter().map(surface).collect()
+    }
+
+    /// Takes over a surface for each collider.
+    pub(crate) fn set_surfaces(&mut self, surfaces: &[Surface]) {
+        for (collider, surface) in self.colliders.iter_mut().zip(surfaces) {
+            (collider.friction, collider.restitution) = (surface.friction, surface.restitution);
+        }
     }
 
     /// True where both colliders are links of the robot, moving or not.

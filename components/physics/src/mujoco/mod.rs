@@ -16,6 +16,7 @@ use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
 
 use crate::articulated::{Drive, Laws};
 use crate::contact::Colliders;
+use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
@@ -63,6 +64,8 @@ pub struct Mujoco {
     options: Options,
     library: &'static Library,
     world: World,
+    /// The model must be compiled anew at the next reset: its numbers have changed.
+    stale: bool,
     colliders: Colliders,
     rays: Rays,
     native: Native,
@@ -211,6 +214,9 @@ impl Engine for Mujoco {
         options: &Options,
         warnings: &mut Vec<BuildWarning>,
     ) -> Result<Self, BuildError> {
+        if setup.actuators.iter().any(Option::is_some) {
+            return Err(BuildError::IdealDrives);
+        }
         let library = Library::get()?;
         let colliders = Colliders::new(setup, world, options, warnings);
         for collider in colliders.colliders.iter().filter(|collider| !mjcf::is_usable(&collider.shape)) {
@@ -236,6 +242,7 @@ impl Engine for Mujoco {
             options: *options,
             library,
             world: world.clone(),
+            stale: false,
             colliders,
             native,
             places,
@@ -243,7 +250,34 @@ impl Engine for Mujoco {
         })
     }
 
-    fn reset(&mut self, _: &Robot, _: &World) {
+    fn surfaces(&self) -> Vec<Surface> {
+        self.colliders.surfaces()
+    }
+
+    fn set_properties(&mut self, _: &Robot, surfaces: &[Surface]) {
+        self.colliders.set_surfaces(surfaces);
+        self.stale = true;
+    }
+
+    fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {
+        robot.kinematics.jacobian(&robot.model, link, Reference::LocalWorldAligned, &mut self.jacobian);
+        let [force, torque] = wrench;
+        let arm = robot.kinematics.pose(&robot.model, link).rotation * point.coords;
+        let torque = torque + arm.cross(&force);
+        for (external, column) in self.external.iter_mut().zip(self.jacobian.column_iter()) {
+            *external += column.fixed_rows::<3>(0).dot(&force) + column.fixed_rows::<3>(3).dot(&torque);
+        }
+    }
+
+    fn reset(&mut self, robot: &Robot, world: &World) {
+        if core::mem::take(&mut self.stale) {
+            self.world = world.clone();
+            (self.native, self.places, self.geometries) =
+                Self::compile(self.library, robot, world, &self.colliders)
+                    .expect("it was compiled with other inertias and surfaces");
+            self.armatures =
+                (0..robot.model.bodies().len()).map(|body| mjcf::armature(robot, body)).collect();
+        }
         self.native.reset();
         self.drives.fill(Drive::Linear);
         self.external.fill(0.0);
@@ -263,7 +297,7 @@ impl Engine for Mujoco {
         self.advance_by(robot, dt)
     }
 
-    fn commit(&mut self) {
+    fn commit(&mut self, _: &Robot, _: f64) {
         self.external.fill(0.0);
         core::mem::swap(&mut self.seen, &mut self.seen_next);
     }
@@ -354,20 +388,6 @@ impl Engine for Mujoco {
             let [first, second] = touch.colliders.map(|index| self.colliders.colliders[index].name.as_str());
             let Touch { point, normal, depth, force, friction, .. } = *touch;
             visit(&Contact { first, second, point, normal, depth, force, friction });
-        }
-    }
-}
-
-impl Simulation<Mujoco> {
-    /// Applies `force` \[N, world axes\] at `point` \[m, axes of the link\] of a link during the next step, besides the
-    /// forces that have been applied before it. A link that is fixed to the world does not move.
-    pub fn apply_force(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>) {
-        let (robot, engine) = (&self.robot, &mut self.engine);
-        let jacobian = &mut engine.jacobian;
-        robot.kinematics.jacobian(&robot.model, link, Reference::LocalWorldAligned, jacobian);
-        let torque = (robot.kinematics.pose(&robot.model, link).rotation * point.coords).cross(&force);
-        for (external, column) in engine.external.iter_mut().zip(jacobian.column_iter()) {
-            *external += column.fixed_rows::<3>(0).dot(&force) + column.fixed_rows::<3>(3).dot(&torque);
         }
     }
 }

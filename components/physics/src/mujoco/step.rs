@@ -39,7 +39,7 @@ impl Mujoco {
         let base = model.nv() - model.joint_count();
         for (i, (joint, command)) in joints.iter().zip(commands.iter()).enumerate() {
             let q = state.q_next[model.nq() - model.joint_count() + i];
-            self.laws[i] = Laws::new(joint, command, q, h);
+            self.laws[i] = Laws::new(joint, command, [-joint.effort_limit, joint.effort_limit], (q, h));
         }
         self.native.get_state(Parts::MOTION, &mut self.motion);
         for attempt in 1..=ATTEMPTS {

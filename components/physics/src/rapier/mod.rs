@@ -13,10 +13,12 @@ mod multibody;
 mod scene;
 mod shapes;
 
+use motorium_robots::FrameId;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use crate::articulated::{JointSpaceIntegrator, Mode};
 use crate::contact::{Colliders, Owner};
+use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
@@ -49,6 +51,8 @@ pub struct Rapier {
     multibody: Multibody,
     /// The multibody must be placed at the robot's state before the next step.
     stale: bool,
+    /// A wrench from outside acts in the next step.
+    pushed: bool,
     /// Per joint: the last step pushed its drive beyond its limit, so that in the next the limit itself acts.
     overdriven: Vec<bool>,
     /// Length of the last step \[s\].
@@ -60,6 +64,7 @@ pub struct RapierState {
     scene: SceneState,
     modes: Vec<Mode>,
     stale: bool,
+    pushed: bool,
     overdriven: Vec<bool>,
     dt: f64,
 }
@@ -83,6 +88,9 @@ impl Engine for Rapier {
         if world.terrain.is_some() {
             return Err(BuildError::Terrain);
         }
+        if setup.actuators.iter().any(Option::is_some) {
+            return Err(BuildError::IdealDrives);
+        }
         if options.substeps != 1 {
             let (value, expected) =
                 (options.substeps as f64, "1: rapier takes `contact_iterations` steps always");
@@ -102,6 +110,7 @@ impl Engine for Rapier {
             integrator: JointSpaceIntegrator::new(model, robot.joints.clone()),
             overdriven: vec![false; robot.joints.len()],
             stale: true,
+            pushed: false,
             dt: 1e-3,
             options: *options,
             colliders,
@@ -110,12 +119,31 @@ impl Engine for Rapier {
         })
     }
 
+    fn surfaces(&self) -> Vec<Surface> {
+        self.colliders.surfaces()
+    }
+
+    fn set_properties(&mut self, robot: &Robot, surfaces: &[Surface]) {
+        self.integrator.set_joints(&robot.joints);
+        self.colliders.set_surfaces(surfaces);
+    }
+
+    fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {
+        let Some(body) = robot.model.frames()[link.index()].body else { return };
+        // Rapier places the links, and knows their centres of mass, in its first step only.
+        let com = robot.kinematics.body_pose(body) * Point3::from(robot.model.bodies()[body].inertia.com);
+        let arm = robot.kinematics.pose(&robot.model, link) * point - com;
+        let [force, torque] = wrench;
+        self.multibody.push(&mut self.scene, body, [force, torque + arm.cross(&force)]);
+        self.pushed = true;
+    }
+
     fn reset(&mut self, robot: &Robot, world: &World) {
         self.integrator.forget();
         // A fresh scene: rapier warm-starts from old contacts, and a run must depend on its start alone.
         let enclose = self.scene.enclosure();
         (self.scene, self.multibody) = populate(robot, world, &self.options, &self.colliders, enclose);
-        self.stale = true;
+        (self.stale, self.pushed) = (true, false);
     }
 
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
@@ -138,9 +166,12 @@ impl Engine for Rapier {
         Ok(report)
     }
 
-    fn commit(&mut self) {}
+    fn commit(&mut self, _: &Robot, _: f64) {
+        self.let_go();
+    }
 
     fn discard(&mut self) {
+        self.let_go();
         self.stale = true;
     }
 
@@ -149,6 +180,7 @@ impl Engine for Rapier {
             scene: self.scene.save(),
             modes: self.integrator.modes().to_vec(),
             stale: self.stale,
+            pushed: self.pushed,
             overdriven: self.overdriven.clone(),
             dt: self.dt,
         }
@@ -159,7 +191,7 @@ impl Engine for Rapier {
             return false;
         }
         self.scene.restore(&state.scene);
-        (self.stale, self.dt) = (state.stale, state.dt);
+        (self.stale, self.pushed, self.dt) = (state.stale, state.pushed, state.dt);
         self.overdriven.copy_from_slice(&state.overdriven);
         true
     }
@@ -187,6 +219,15 @@ impl Engine for Rapier {
 
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {
         self.scene.visit_contacts(&self.colliders.colliders, self.dt, visit);
+    }
+}
+
+impl Rapier {
+    /// Ends the wrenches from outside.
+    fn let_go(&mut self) {
+        if std::mem::take(&mut self.pushed) {
+            self.multibody.let_go(&mut self.scene);
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::graph;
 use motorium::launcher::{Exit, Options, Report};
@@ -37,6 +37,7 @@ struct Driver {
 impl Component for Driver {
     const KIND: &'static str = "test.driver";
     const SUMMARY: &'static str = "sends joints to an offset";
+    const RESETS: bool = true;
     type Config = DriverConfig;
 
     fn declare(_: &DriverConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -67,6 +68,12 @@ impl Component for Driver {
             command.position_mut().iter_mut().zip(goals).for_each(|(position, goal)| *position = goal);
             command.publish()?;
         }
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.start = None;
+        self.last.clear();
         Ok(())
     }
 

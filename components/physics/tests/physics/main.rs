@@ -1,5 +1,6 @@
 //! Tests of the simulators, of their components in graphs, and of the engines against each other.
 
+mod actuators;
 mod allocations;
 mod axes;
 mod batch;
@@ -19,6 +20,7 @@ mod legged;
 mod mujoco;
 mod panda;
 mod pushes;
+mod randomise;
 mod several_robots;
 mod standing;
 mod terrain;

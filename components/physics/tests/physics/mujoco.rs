@@ -270,7 +270,12 @@ fn a_force_from_outside_and_rotors_change_the_momentum_by_their_impulse() {
     let base = simulation.model().frame("body").unwrap();
     for step in 0..200 {
         if step < 100 {
-            simulation.apply_force(base, Point3::new(0.0, 0.1, 0.0), Vector3::new(3.0, 0.0, 1.0));
+            simulation.apply_wrench(
+                base,
+                Point3::new(0.0, 0.1, 0.0),
+                Vector3::new(3.0, 0.0, 1.0),
+                Vector3::zeros(),
+            );
         }
         simulation.step(DT).unwrap();
     }

@@ -1,6 +1,7 @@
 //! Tests of the sensor models, of their components in graphs, and of the state estimation.
 
 mod allocations;
+mod camera;
 mod channel;
 mod component;
 mod contact;
@@ -8,6 +9,8 @@ mod encoder;
 mod estimator;
 mod imu;
 mod invariant;
+mod loads;
+mod pictures;
 mod place;
 mod rays;
 
