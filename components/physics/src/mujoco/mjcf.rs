@@ -94,11 +94,11 @@ impl Writer<'_> {
     fn assets(&mut self) -> std::fmt::Result {
         writeln!(self.text, "<asset>")?;
         for (index, collider) in self.colliders.colliders.iter().enumerate() {
-            if let ConvexShape::Hull { points } = &collider.shape {
-                if is_usable(&collider.shape) {
-                    let points = numbers(points.iter().flat_map(|point| [point.x, point.y, point.z]));
-                    writeln!(self.text, r#"<mesh name="m{index}" inertia="convex" vertex="{points}"/>"#)?;
-                }
+            if let ConvexShape::Hull { points } = &collider.shape
+                && is_usable(&collider.shape)
+            {
+                let points = numbers(points.iter().flat_map(|point| [point.x, point.y, point.z]));
+                writeln!(self.text, r#"<mesh name="m{index}" inertia="convex" vertex="{points}"/>"#)?;
             }
         }
         if let Some(field) = &self.colliders.terrain {

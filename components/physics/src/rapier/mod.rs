@@ -13,7 +13,7 @@ mod multibody;
 mod scene;
 mod shapes;
 
-use motorium_robots::{Collisions, FrameId};
+use motorium_robots::FrameId;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use crate::articulated::{JointSpaceIntegrator, Mode};
