@@ -313,7 +313,7 @@ impl Link {
         self.is_probed = answers && self.phase == Phase::Enabled && self.owed > 0 && self.silent == 0;
     }
 
-    /// What is wanted of it in this cycle.
+    /// The order of this cycle.
     pub(super) fn order(&self, trip: Option<OnTrip>) -> Order {
         match (trip, self.phase) {
             (Some(OnTrip::Disable), _) => Order::Disable,
@@ -378,7 +378,7 @@ impl Link {
     }
 }
 
-/// What follows from a frame.
+/// The consequences of a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Taken {
     /// The adapter trips.

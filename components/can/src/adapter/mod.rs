@@ -25,7 +25,8 @@ pub const LOST_AFTER: u32 = 3;
 /// The reaction of the other drives when one is lost or reports a fault.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OnTrip {
-    /// They brake softly: no position gain, the velocity gain of the safe states.
+    /// They brake softly: no position gain, the velocity gain of the safe states. Those that are commanded positions hold the
+    /// one at which they are.
     #[default]
     Damp,
     /// They let go.

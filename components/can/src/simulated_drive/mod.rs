@@ -99,7 +99,7 @@ impl AnySimulatedDrive {
         }
     }
 
-    /// What it sends by itself until `now_ns`: each frame with its time.
+    /// Frames that it sends by itself until `now_ns`, each with its time.
     pub fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
         match self {
             Self::Odrive(drive) => drive.report(now_ns, say),

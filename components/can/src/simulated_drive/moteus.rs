@@ -19,7 +19,7 @@ pub struct Moteus {
     mode: Mode,
     fault: u8,
     command: Command,
-    /// Where it is held while its commands name no position.
+    /// The position at which it is held while its commands name no position.
     held: Option<f64>,
     pub(super) motor: Motor,
     pub(super) watchdog_trips: u64,

@@ -4,10 +4,10 @@ use super::{BusEntry, BusKind, DriveEntry, Protocol, Table};
 use crate::Range;
 use crate::frame::Id;
 
-/// A mistake: the table and its index, what was found, what to try.
+/// A mistake: the entry and its index, the value found, the advice.
 pub(super) type Mistake = (Option<(&'static str, usize)>, String, &'static str);
 
-/// What was found, and what to try.
+/// The value found, and the advice.
 type Refusal = (String, &'static str);
 
 /// Servos on one serial line, whose numbers one packet names.

@@ -6,7 +6,7 @@ use motorium_can::{AnySimulatedDrive, Overrides, Received, SimulatedBus, Table, 
 
 const WATCHDOG_NS: u64 = 40_000_000;
 const STEP_NS: u64 = 250_000;
-/// Where the shafts of all drives stand at first, rad.
+/// Position of the shafts at first, rad.
 const SHAFT: f64 = 0.5;
 
 /// A protocol, with what its entries have beside those of all.
@@ -56,7 +56,7 @@ struct Rig {
     /// The first drive says nothing.
     is_silent: bool,
     torques: [f64; 2],
-    /// Where the shafts stand, rad.
+    /// Position of the shafts, rad.
     shaft: f64,
 }
 

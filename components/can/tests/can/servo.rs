@@ -1,7 +1,9 @@
 //! Packets of serial servos, against those of the makers' manuals.
 
-use motorium_can::DecodeError;
-use motorium_can::servo::{Instruction, LONGEST, Protocol, Reader, write, write_status};
+use motorium_can::servo::{
+    Instruction, LONGEST, Protocol, Reader, read_instruction, read_status, write, write_status,
+};
+use motorium_can::{DecodeError, feetech};
 use proptest::prelude::*;
 
 fn bytes(hex: &str) -> Vec<u8> {
@@ -108,5 +110,44 @@ proptest! {
     #[test]
     fn no_bytes_whatever_make_the_reader_panic(stream in prop::collection::vec(prop_oneof![Just(0xff_u8), Just(0xfd), Just(0), any::<u8>()], 0..600)) {
         read(&stream);
+    }
+}
+
+#[test]
+fn a_servo_reads_what_the_adapter_writes() {
+    let data = [1, 0x00, 0x08, 2, 0xff, 0x0f];
+    for (servo, instruction) in [
+        (3, Instruction::Ping),
+        (3, Instruction::Read { register: 56, count: 8 }),
+        (3, Instruction::Write { register: 40, data: &[1] }),
+        (0xfe, Instruction::WriteMany { register: 42, each: 2, data: &data }),
+        (0xfe, Instruction::ReadMany { register: 40, count: 26, servos: &[1, 2, 3] }),
+    ] {
+        let packet = written(Protocol::One, servo, &instruction);
+        assert_eq!(read_instruction(&packet), Ok((servo, instruction)));
+        let mut broken = packet.clone();
+        broken[5] ^= 0x10;
+        assert!(read_instruction(&broken).is_err(), "{broken:x?}");
+        assert!(read_instruction(&packet[..packet.len() - 1]).is_err());
+    }
+}
+
+proptest! {
+    #[test]
+    fn no_packet_whatever_makes_a_servo_or_the_adapter_panic(bytes in prop::collection::vec(any::<u8>(), 0..64), whole in any::<bool>()) {
+        let mut bytes = bytes;
+        // most of them with a head and a length that fit
+        if whole && bytes.len() >= 6 {
+            bytes[..2].fill(0xff);
+            bytes[3] = (bytes.len() - 4) as u8;
+            let end = bytes.len() - 1;
+            bytes[end] = !bytes[2..end].iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+        }
+        let _ = read_instruction(&bytes);
+        if let Ok(status) = read_status(&bytes)
+            && let Ok(state) = feetech::State::decode(status.data)
+        {
+            prop_assert!(state.position.abs() <= 3.1416 && state.load.abs() <= 1.024 && state.velocity.is_finite());
+        }
     }
 }

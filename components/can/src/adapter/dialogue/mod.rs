@@ -1,4 +1,4 @@
-//! The dialogues with drives: what the adapter wants of one becomes frames of its protocol, and frames what one says.
+//! The dialogues with drives: orders of the adapter become frames of a protocol, and frames of a drive what they say.
 
 mod cia402;
 mod mit;
@@ -12,7 +12,7 @@ use crate::mit::{Command, Feedback, Ranges, State};
 use crate::table::{ControlMode, Protocol, Table};
 pub(super) use servo::Servo;
 
-/// What the adapter wants of a drive in a cycle.
+/// The request of the adapter to a drive in a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Order {
     /// To tell, or take, the setting with this number.
@@ -27,7 +27,7 @@ pub(super) enum Order {
     Follow(Command),
 }
 
-/// What a frame of a drive says.
+/// The content of a frame of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Heard {
     /// Its state: the answer of the cycle.
@@ -159,7 +159,7 @@ impl Dialogue {
 struct Motion {
     position: f64,
     velocity: f64,
-    /// Where it is held while its commands have no position gain.
+    /// The position at which it is held while its commands have no position gain.
     held: Option<f64>,
 }
 

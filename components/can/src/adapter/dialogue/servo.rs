@@ -19,7 +19,7 @@ pub(in crate::adapter) struct Servo {
     motion: Motion,
 }
 
-/// What is written into a servo.
+/// The registers that are written into a servo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Written {
     /// Torque off.
@@ -42,7 +42,7 @@ impl Servo {
         frame.form == Form::Packet && frame.id == Id::Standard(self.number.into())
     }
 
-    /// What an order writes; `None` for nothing.
+    /// The registers that an order writes; `None` for nothing.
     fn written(&mut self, order: &Order) -> Option<Written> {
         self.motion.begin(order);
         match order {

@@ -204,7 +204,7 @@ impl Drives<'_> {
         }
     }
 
-    /// What the drives of a bus send by themselves until `now_ns`.
+    /// Frames that the drives of a bus send by themselves until `now_ns`.
     fn report(&mut self, index: usize, now_ns: u64, answer_with: &mut dyn FnMut(Sender, Frame, u64)) {
         let Self { axes, faults, config, random, lost } = self;
         let mut voice = Voice { faults, config, random, lost };
