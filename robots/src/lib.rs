@@ -37,6 +37,7 @@
 
 mod actuator;
 mod algebra;
+mod appearance;
 mod catalogue;
 mod configuration;
 mod dynamics;
@@ -63,6 +64,7 @@ mod urdf;
 mod world;
 
 pub use actuator::{Actuator, ActuatorError, ActuatorSettings, Delay, EffortLaw, Envelope, Thermal};
+pub use appearance::{Appearance, Checker, Colour, Light, LinkColours};
 pub use catalogue::{Entry, catalogue};
 pub use dynamics::{
     ConstrainedDynamics, ConstrainedError, Constraint, Derivatives, Dynamics, MassFactor, Momentum,

@@ -4,9 +4,10 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{ConvexShape, Geometry, HeightField, Terrain, TerrainError};
+use crate::nearest::suggestion;
+use crate::{Appearance, ConvexShape, Geometry, HeightField, Terrain, TerrainError};
 
-/// Gravity, a ground and simple objects. Lengths in metres, angles in radians, masses in kilograms; poses in the
+/// Gravity, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in kilograms; poses in the
 /// world, which is the base frame of the robot, z up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -19,12 +20,20 @@ pub struct World {
     pub terrain: Option<Terrain>,
     /// Objects, fixed or free to move. Names must differ.
     pub objects: Vec<Object>,
+    /// The looks of it all, for cameras.
+    pub appearance: Appearance,
 }
 
 impl Default for World {
     /// Earth's gravity, no ground, no objects.
     fn default() -> Self {
-        Self { gravity: [0.0, 0.0, -9.81], ground: None, terrain: None, objects: Vec::new() }
+        Self {
+            gravity: [0.0, 0.0, -9.81],
+            ground: None,
+            terrain: None,
+            objects: Vec::new(),
+            appearance: Appearance::default(),
+        }
     }
 }
 
@@ -183,6 +192,14 @@ pub enum WorldError {
         "both `ground` and `terrain` are given, but there is one ground: a terrain goes on as at its edge; leave `ground` out"
     )]
     TwoGrounds,
+    /// A colour for what is not there.
+    #[error("`appearance.colours` names \"{name}\", which the world does not have{}", suggestion(.nearest.as_deref()))]
+    NothingToColour {
+        /// The name.
+        name: String,
+        /// The name most likely meant.
+        nearest: Option<String>,
+    },
     /// Two objects with one name, or a name that is already taken.
     #[error("the object name \"{name}\" is taken by {by}; give the object another name")]
     NameTaken {
@@ -249,11 +266,11 @@ impl World {
             }
             surface(name, object.friction, object.restitution)?;
         }
-        Ok(())
+        self.appearance.check(self)
     }
 }
 
-fn check(
+pub(crate) fn check(
     owner: &str,
     field: &'static str,
     value: f64,

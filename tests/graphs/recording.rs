@@ -169,6 +169,72 @@ fn the_reader_of_mcap_for_python_reads_every_sample() {
     assert_eq!(lines[3], "foxglove.Log True True");
 }
 
+const PICTURES: &str = r#"
+import struct, sys
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+times, last = [], {}
+with open(sys.argv[1], "rb") as stream:
+    reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+    for schema, channel, message, decoded in reader.iter_decoded_messages():
+        last[channel.topic] = (schema.name, decoded)
+        if channel.topic == sys.argv[2] + "/image":
+            times.append(message.log_time)
+name, image = last[sys.argv[2] + "/image"]
+print(name, image.encoding, image.width, image.height, image.step, len(image.data), image.frame_id, len(times))
+name, calibration = last[sys.argv[3] + "/calibration"]
+print(name, calibration.width, calibration.height, calibration.K[0] == calibration.K[4] > 100, calibration.K[2], calibration.K[5])
+if image.encoding == "rgb8":
+    red = [i for i in range(image.width * image.height) if image.data[3 * i] > 3 * image.data[3 * i + 1] and image.data[3 * i] > 60]
+    column = sum(i % image.width for i in red) / len(red) - calibration.K[2]
+    row = sum(i // image.width for i in red) / len(red) - calibration.K[5]
+    print(len(red) > 50, (column ** 2 + row ** 2) ** 0.5 < 10)
+else:
+    depths = struct.unpack(f"<{image.width * image.height}f", image.data)
+    print(max(depths) <= 5.0, sum(depth > 0.1 for depth in depths) > 1000)
+"#;
+
+#[test]
+fn the_reader_of_mcap_for_python_sees_the_ball_in_the_middle_and_depths_in_metres() {
+    let python = std::env::var_os("MOTORIUM_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
+    let check = Command::new(&python).args(["-c", "import mcap, mcap_protobuf"]).output();
+    if !check.is_ok_and(|check| check.status.success()) {
+        eprintln!(
+            "skipped: no python3 with the reader (pip install mcap-protobuf-support, then MOTORIUM_PYTHON)"
+        );
+        return;
+    }
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    for (graph, topics, span, expected) in [
+        (
+            "camera-servo.toml",
+            ["camera/image", "camera/info"],
+            "1500 ms",
+            ["foxglove.RawImage rgb8 160 120 480 57600 camera 44", "True 79.5 59.5", "True True"],
+        ),
+        (
+            "lidar-drive.toml",
+            ["rover/depth", "rover/camera_info"],
+            "500 ms",
+            ["foxglove.RawImage 32FC1 160 120 640 76800 camera 13", "True 79.5 59.5", "True True"],
+        ),
+    ] {
+        let file = recorded(folder.path(), graph, &["--for", span, "--no-expect"]);
+        let output = Command::new(&python).args(["-c", PICTURES, text(&file), topics[0], topics[1]]).output();
+        let output = output.expect("python runs");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        let lines = String::from_utf8_lossy(&output.stdout);
+        let lines: Vec<&str> = lines.lines().collect();
+        assert_eq!(lines.len(), 3, "{graph}: {lines:?}\n{errors}");
+        assert_eq!((lines[0], lines[2]), (expected[0], expected[2]), "{graph}: {lines:?}");
+        assert_eq!(lines[1], format!("foxglove.CameraCalibration 160 120 {}", expected[1]), "{graph}");
+        let (code, said) = verified(&file);
+        assert_eq!(code, Some(0), "{graph}: {said}");
+    }
+}
+
 #[test]
 fn the_score_of_a_recording_is_what_the_controller_found_and_tells_a_missed_goal() {
     let _machine = machine();

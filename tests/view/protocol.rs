@@ -10,7 +10,7 @@ use motorium_bridges::foxglove::Derived;
 use serde_json::{Value as Json, json};
 
 use crate::client::{Client, Heard};
-use crate::support::{Run, await_that, is_alive, machine, panda_reach};
+use crate::support::{Run, await_that, is_alive, machine, panda_reach, workspace};
 use crate::viewer::Viewer;
 
 const SUBPROTOCOL: &str = "foxglove.sdk.v1";
@@ -95,6 +95,43 @@ fn what_a_viewer_subscribes_to_is_what_is_in_the_shared_memory_of_the_run() {
     let names: Vec<&str> =
         top["components"].as_array().unwrap().iter().map(|one| one["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["physics", "encoder", "policy", "controller"]);
+}
+
+#[test]
+fn the_pictures_of_a_camera_come_whole_in_the_form_that_it_tells() {
+    use foxglove::Decode as _;
+    let _machine = machine();
+    let graph = workspace().join("graphs/camera-servo.toml");
+    let run = Run::start(&graph, &["--for", "300s", "--clock", "lockstep", "--pace", "0.5"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
+    let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
+    client.await_channels(&["camera/image/image", "camera/info/calibration"]);
+    assert_eq!(client.channels["camera/image/image"]["schemaName"], "foxglove.RawImage");
+    // nobody asks for the form: the viewer looks at it by itself
+    let pictures = client.subscribe("camera/image/image");
+    let mut seen = 0;
+    client.hear_until("five pictures", |_, heard| {
+        if let Heard::Message(of, _, message) = heard
+            && *of == pictures
+        {
+            let image = foxglove::messages::RawImage::decode(&message[..]).expect("a picture");
+            assert_eq!((image.width, image.height, image.step), (160, 120, 480));
+            assert_eq!((image.encoding.as_str(), image.frame_id.as_str()), ("rgb8", "camera"));
+            let red = image.data.as_chunks::<3>().0.iter().filter(|[r, g, _]| *r > 60 && *r / 3 > *g).count();
+            assert!(image.data.len() == 57_600 && red > 50, "{red} red pixels");
+            seen += 1;
+        }
+        (seen >= 5).then_some(())
+    });
+    let calibration = client.subscribe("camera/info/calibration");
+    client.hear_until("the calibration", |_, heard| match heard {
+        Heard::Message(of, _, message) if *of == calibration => {
+            let told = foxglove::messages::CameraCalibration::decode(&message[..]).expect("a calibration");
+            assert_eq!((told.width, told.k[2], told.k[5]), (160, 79.5, 59.5));
+            Some(())
+        }
+        _ => None,
+    });
 }
 
 #[test]

@@ -63,6 +63,12 @@ pub enum StepError {
         /// Its rate of turn \[rad/s\].
         angular: f64,
     },
+    /// More contacts than the MuJoCo engine has room for.
+    #[error(
+        "the contacts of this step do not fit into the memory of MuJoCo; \
+         let fewer objects touch one another, or use `physics.articulated`"
+    )]
+    TooManyContacts,
     /// The pose or velocity of an object is not a number any more.
     #[error(
         "object \"{object}\" has no finite pose after the step: \

@@ -93,8 +93,8 @@ pub trait Engine: Sized {
 
 /// A robot in a world, moved by an engine `E`.
 ///
-/// Use it through its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator) and
-/// [`RapierSimulator`](crate::RapierSimulator), and the trait [`Simulator`].
+/// Use it through its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator),
+/// [`RapierSimulator`](crate::RapierSimulator) and [`MujocoSimulator`](crate::MujocoSimulator), and the trait [`Simulator`].
 pub struct Simulation<E> {
     pub(crate) robot: Robot,
     pub(crate) engine: E,

@@ -1,5 +1,6 @@
 //! `sensor.joint_encoder`: the joint sensors of a robot as a component.
 
+pub mod blob;
 pub mod contact;
 pub mod estimator;
 pub mod force_torque;
@@ -183,5 +184,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<rays::AlongRays<rays::Lidar>>(),
         Kind::of::<rays::AlongRays<rays::HeightScanSensor>>(),
         Kind::of::<rays::AlongRays<rays::DepthCamera>>(),
+        Kind::of::<rays::AlongRays<rays::Camera>>(),
+        Kind::of::<blob::BlobEstimator>(),
     ]
 }

@@ -6,12 +6,14 @@
 //! - [`loads`]: the wrenches with which links carry one another.
 //! - [`geodesy`]: places on the earth.
 //! - [`ranging`]: rays of sensors of distance, and the errors of what they read.
+//! - [`pinhole`]: cameras without distortion. [`rendering`]: the pictures that they take. [`blob`]: a thing of one colour in them.
 //! - [`delay`]: readings held back until their latency is over.
 //! - [`noise`]: reproducible Gaussian noise.
 //! - [`estimation`]: filters, the base of a legged robot, the Riccati equation.
 //! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.joint_torque`, `sensor.force_torque`,
 //!   `sensor.imu`, `sensor.contact`, `sensor.altimeter`, `sensor.magnetometer`, `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`,
-//!   `sensor.depth_camera`.
+//!   `sensor.depth_camera`, `sensor.camera`.
+//! - [`component::blob`]: `estimator.blob`, the place of a thing of one colour.
 //! - [`component::estimator`]: `estimator.base`, the state of a legged base.
 //! - [`component::merge`]: `joint.merge`, the joint state of a robot from several writers.
 //!
@@ -36,6 +38,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod blob;
 pub mod channel;
 pub mod component;
 pub mod contact;
@@ -46,7 +49,9 @@ pub mod geodesy;
 pub mod imu;
 pub mod loads;
 pub mod noise;
+pub mod pinhole;
 pub mod ranging;
+pub mod rendering;
 
 pub use component::merge::JointMerge;
 pub use component::{JointEncoder, kinds};

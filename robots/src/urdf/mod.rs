@@ -1,6 +1,7 @@
 //! From URDF text to a [`Model`].
 
 mod assemble;
+mod colours;
 mod error;
 mod inertia;
 mod joints;
@@ -14,6 +15,7 @@ mod warning;
 
 use std::path::Path;
 
+pub(crate) use colours::visual_colours;
 pub(crate) use inertia::{check_inertia, warn_of_massless_ends};
 
 pub use error::{Position, UrdfError, UrdfProblem};

@@ -4,6 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::{ConfigureError, Setup};
+use crate::declare::TopicPattern;
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, Plan};
 use crate::region::{EventReader, EventRecord, Region};
@@ -50,12 +51,17 @@ impl Observer {
         &self.plan
     }
 
-    /// A tap of the topic of this index in the plan. It belongs to the thread that opens it.
+    /// A tap of the topic of this index in the plan; of one of slices the values are the bytes of whole slices. It belongs to the
+    /// thread that opens it.
     ///
     /// # Errors
-    /// The topic cannot be reached, carries slices, or four others look on already.
+    /// The topic cannot be reached, or four others look on already.
     pub fn tap(&self, topic: usize) -> Result<Tap, PortError> {
-        Tap::open(&self.domain, &self.plan.topics[topic])
+        let topic = &self.plan.topics[topic];
+        match topic.pattern {
+            TopicPattern::Slices { .. } => Tap::of_slices(&self.domain, topic),
+            TopicPattern::State | TopicPattern::Stream { .. } => Tap::open(&self.domain, topic),
+        }
     }
 
     /// The events since the last call, or all that are still there, oldest first.

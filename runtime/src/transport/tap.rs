@@ -55,6 +55,27 @@ pub(crate) fn first_place(topic: &str) -> u32 {
     (digest.finish() as u32 >> 4) * latest::SIDE_PINS as u32
 }
 
+impl Source {
+    /// A reader of a topic whose values come through queues.
+    fn stream(node: &Node<Shared>, topic: &TopicPlan, variant: TypeVariant) -> Result<Self, PortError> {
+        let name = &topic.name;
+        let detail = type_detail(name, &topic.layout, variant)?;
+        let builder = node
+            .service_builder(&service_name("topic", name)?)
+            .publish_subscribe::<[CustomPayloadMarker]>()
+            .user_header::<Stamp>();
+        // SAFETY: the detail is that of the topic's own plan; iceoryx2 compares it with the service's.
+        let builder = unsafe { builder.__internal_set_payload_type_details(&detail) };
+        let subscriber = builder
+            .open()
+            .map_err(|error| refused(name, "opening")(&error))?
+            .subscriber_builder()
+            .create()
+            .map_err(|error| refused(name, "making a subscriber")(&error))?;
+        Ok(Self::Stream { subscriber, last: (0, 0), missed: 0 })
+    }
+}
+
 impl Tap {
     /// Joins a topic. The first value is the newest one of a state, or the next one of a stream.
     ///
@@ -78,24 +99,24 @@ impl Tap {
             TopicPattern::Slices { .. } => {
                 return Err(refused(name, "looking on")(&"it carries slices, which have no single layout"));
             }
-            TopicPattern::Stream { .. } => {
-                let detail = type_detail(name, &layout, TypeVariant::FixedSize)?;
-                let builder = node
-                    .service_builder(&service_name("topic", name)?)
-                    .publish_subscribe::<[CustomPayloadMarker]>()
-                    .user_header::<Stamp>();
-                // SAFETY: the detail is that of the topic's own plan; iceoryx2 compares it with the service's.
-                let builder = unsafe { builder.__internal_set_payload_type_details(&detail) };
-                let subscriber = builder
-                    .open()
-                    .map_err(|error| refused(name, "opening")(&error))?
-                    .subscriber_builder()
-                    .create()
-                    .map_err(|error| refused(name, "making a subscriber")(&error))?;
-                Source::Stream { subscriber, last: (0, 0), missed: 0 }
-            }
+            TopicPattern::Stream { .. } => Source::stream(&node, topic, TypeVariant::FixedSize)?,
         };
         Ok(Self { layout, source, _node: node })
+    }
+
+    /// Joins a topic of slices, such as pictures: the bytes of each value are those of all elements of a slice, in the
+    /// [layout](Self::layout) of one after the other.
+    ///
+    /// # Errors
+    /// The run or the topic cannot be reached, or the topic carries single values.
+    pub fn of_slices(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
+        let name = &topic.name;
+        if !matches!(topic.pattern, TopicPattern::Slices { .. }) {
+            return Err(refused(name, "looking on")(&"it carries single values, no slices"));
+        }
+        let node = domain.node().map_err(|error| refused(name, "joining the run")(&error))?;
+        let source = Source::stream(&node, topic, TypeVariant::Dynamic)?;
+        Ok(Self { layout: topic.layout.clone(), source, _node: node })
     }
 
     /// The layout of the topic's values.
@@ -122,11 +143,11 @@ impl Tap {
                     *missed += stamp.sequence.saturating_sub(last.1 + 1);
                 }
                 *last = (stamp.restart_count, stamp.sequence);
-                // SAFETY: the payload of a fixed-size custom sample is one value of `layout.size` bytes; it is held
-                // while the bytes are read.
-                let bytes = unsafe {
-                    core::slice::from_raw_parts(sample.payload().as_ptr().cast::<u8>(), self.layout.size)
-                };
+                let payload = sample.payload();
+                // SAFETY: a marker stands for each byte of the payload, all of its elements; it is held while the bytes are
+                // read.
+                let bytes =
+                    unsafe { core::slice::from_raw_parts(payload.as_ptr().cast::<u8>(), payload.len()) };
                 read(stamp, bytes);
                 true
             }

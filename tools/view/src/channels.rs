@@ -63,13 +63,15 @@ impl Channels {
         Ok(Self { topics, latched, message: Vec::with_capacity(16 * 1024) })
     }
 
-    /// True if somebody looks at a topic.
+    /// True if somebody looks at a topic, or at pictures whose form it tells.
     pub(crate) fn is_watched(&self, topic: usize) -> bool {
-        self.topics[topic].iter().any(|(_, raw)| raw.has_sinks())
+        let mut watched = self.topics.iter().flatten().filter(|(_, raw)| raw.has_sinks());
+        watched.any(|(channel, _)| channel.topic == topic || channel.form_topic() == Some(topic))
     }
 
     /// Sends one sample through those of the channels of its topic that somebody looks at.
     pub(crate) fn send(&mut self, topic: usize, stamp: &Stamp, bytes: &[u8], time_ns: u64) {
+        self.topics.iter_mut().flatten().for_each(|(channel, _)| channel.note(topic, bytes));
         for (channel, raw) in self.topics[topic].iter_mut().filter(|(_, raw)| raw.has_sinks()) {
             self.message.clear();
             // A sample that does not fit its robot is not drawn; the exact channel has it.

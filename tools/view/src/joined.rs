@@ -80,7 +80,12 @@ impl Joined {
                 if Instant::now() < topic.not_before {
                     continue;
                 }
-                match Tap::open(&self.domain, &self.plan.topics[index]) {
+                let planned = &self.plan.topics[index];
+                let tap = match planned.pattern {
+                    TopicPattern::Slices { .. } => Tap::of_slices(&self.domain, planned),
+                    TopicPattern::State | TopicPattern::Stream { .. } => Tap::open(&self.domain, planned),
+                };
+                match tap {
                     Ok(tap) => topic.tap = Some(tap),
                     Err(error) => {
                         eprintln!("{error}");

@@ -7,7 +7,7 @@ use foxglove::messages::{
 use foxglove::{Encode as _, Schema};
 use motorium::plan::Plan;
 use motorium::state::{ObjectPoses, StateBuffer as _};
-use motorium_robots::BasePose;
+use motorium_robots::{Appearance, BasePose, Colour};
 use serde::Deserialize;
 
 /// The frame in which robots and objects stand.
@@ -25,6 +25,7 @@ const EARTH: Color = Color { r: 0.8, g: 0.82, b: 0.84, a: 0.6 };
 struct World {
     ground: Option<Ground>,
     objects: Vec<Object>,
+    appearance: Appearance,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -58,7 +59,11 @@ pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     let configs = plan.components.iter().map(|component| &component.config["world"]);
     let world = configs.filter(|world| world.is_object()).find_map(|world| World::deserialize(world).ok())?;
     let told = plan.topics.iter().any(|topic| topic.layout.type_name == ObjectPoses::NAME);
-    let mut entities: Vec<SceneEntity> = world.objects.iter().map(|object| entity(object, told)).collect();
+    let mut entities: Vec<SceneEntity> = world
+        .objects
+        .iter()
+        .map(|object| entity(object, world.appearance.colours.get(&object.name), told))
+        .collect();
     if let Some(Ground { height }) = world.ground {
         let position = [0.0, 0.0, height - 0.5 * GROUND[2]];
         let cube =
@@ -76,11 +81,15 @@ pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     Some((SceneUpdate::get_schema()?, message))
 }
 
-fn entity(object: &Object, told: bool) -> SceneEntity {
+/// An object, in the colour that the world gives it.
+fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
     let moves = object.mass.is_some();
     let of_its_own = moves && told;
     let pose = if of_its_own { pose([0.0; 3], [0.0; 3]) } else { pose(object.position, object.rpy) };
-    let color = Some(if moves { FREE } else { FIXED });
+    let color = match colour {
+        Some([r, g, b]) => Some(Color { r: *r, g: *g, b: *b, a: 1.0 }),
+        None => Some(if moves { FREE } else { FIXED }),
+    };
     let mut entity = SceneEntity {
         frame_id: if of_its_own { object.name.clone() } else { WORLD.to_string() },
         id: object.name.clone(),
@@ -129,13 +138,14 @@ mod tests {
         let ball = object(
             r#"{"name": "ball", "shape": {"sphere": {"radius": 0.1}}, "mass": 1, "position": [0, 0, 1], "friction": 1}"#,
         );
-        let (table, free) = (entity(&table, true), entity(&ball, true));
+        let (table, free) = (entity(&table, None, true), entity(&ball, Some(&[0.9, 0.1, 0.2]), true));
+        assert_eq!(free.spheres[0].color.map(|color| [color.r, color.g, color.b]), Some([0.9, 0.1, 0.2]));
         assert_eq!((table.frame_id.as_str(), table.cubes[0].size.unwrap().y), ("world", 2.0));
         assert_eq!(table.cubes[0].pose.unwrap().position.unwrap().x, 0.4);
         assert_eq!((free.frame_id.as_str(), free.spheres[0].size.unwrap().z), ("ball", 0.2));
         assert_eq!(free.spheres[0].pose.unwrap().position.unwrap().z, 0.0);
         // nobody tells where it is
-        let still = entity(&ball, false);
+        let still = entity(&ball, None, false);
         assert_eq!(
             (still.frame_id.as_str(), still.spheres[0].pose.unwrap().position.unwrap().z),
             ("world", 1.0)

@@ -43,6 +43,24 @@ impl Channel {
         }
     }
 
+    /// The topic, by its index in the plan, that tells how to read the samples of this one: of pictures that of their form. Its
+    /// samples are to be [noted](Self::note).
+    pub fn form_topic(&self) -> Option<usize> {
+        match &self.content {
+            Content::Exact(_) => None,
+            Content::Drawn(drawing) => drawing.form_topic(),
+        }
+    }
+
+    /// Takes note of a sample of its [form topic](Self::form_topic); of another topic it is none of its concern.
+    pub fn note(&mut self, topic: usize, bytes: &[u8]) {
+        if let Content::Drawn(drawing) = &mut self.content
+            && drawing.form_topic() == Some(topic)
+        {
+            drawing.note(bytes);
+        }
+    }
+
     /// Appends the message of a sample of its topic. `time_ns` is the time of the sample on the clock of the reader, since
     /// 1970 or since the start of the run: drawn messages carry it.
     ///
@@ -66,7 +84,8 @@ impl Channel {
     }
 }
 
-/// The channels of one topic: the exact one first. A topic of slices has none: they have no single layout.
+/// The channels of one topic: the exact one first. A topic of slices has none of that kind, for they have no single layout: of
+/// pictures there is the drawn one, of others none.
 ///
 /// ```
 /// # fn of(plan: &motorium::plan::Plan) -> Result<(), motorium_bridges::foxglove::DerivedError> {
@@ -83,17 +102,17 @@ impl Channel {
 /// The layout of the topic has a field that cannot be written.
 pub fn channels(plan: &Plan, topic: usize) -> Result<Vec<Channel>, DerivedError> {
     let of_topic = &plan.topics[topic];
-    if matches!(of_topic.pattern, TopicPattern::Slices { .. }) {
-        return Ok(Vec::new());
-    }
     let name = &of_topic.name;
-    let exact = exact(name, topic, &of_topic.layout)?;
+    let exact = match of_topic.pattern {
+        TopicPattern::Slices { .. } => None,
+        TopicPattern::State | TopicPattern::Stream { .. } => Some(exact(name, topic, &of_topic.layout)?),
+    };
     let drawn = Drawing::of_topic(plan, topic).into_iter().map(|drawing| Channel {
         name: format!("{name}/{}", drawing.name()),
         topic,
         content: Content::Drawn(Box::new(drawing)),
     });
-    Ok(std::iter::once(exact).chain(drawn).collect())
+    Ok(exact.into_iter().chain(drawn).collect())
 }
 
 fn exact(name: &str, topic: usize, layout: &TypeLayout) -> Result<Channel, DerivedError> {

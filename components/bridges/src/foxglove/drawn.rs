@@ -3,9 +3,10 @@
 use foxglove::Encode;
 use foxglove::messages::{
     ArrowPrimitive, CameraCalibration, Color, FrameTransform, FrameTransforms, JointState as NamedJoint,
-    JointStates, Log, Odometry as FoxgloveOdometry, Pose, PoseInFrame, Quaternion, SceneEntity, SceneUpdate,
-    Vector3, log::Level,
+    JointStates, Log, Odometry as FoxgloveOdometry, Pose, PoseInFrame, Quaternion, RawImage, SceneEntity,
+    SceneUpdate, Vector3, log::Level,
 };
+use motorium::declare::TopicPattern;
 use motorium::plan::Plan;
 use motorium::state::{
     BaseState, Contacts, Event, ImageInfo, JointState, ObjectPoses, Odometry, PoseTarget, StateBuffer, Text,
@@ -13,6 +14,7 @@ use motorium::state::{
 };
 
 use super::Schema;
+use super::pictures::{PictureError, Pictures};
 use super::robots::{RobotFrames, WORLD, robot_of_topic, timestamp};
 
 /// Length of the arrow that a force of 1 N draws, m.
@@ -39,6 +41,7 @@ enum Kind {
     Objects(Vec<String>),
     Contacts,
     Calibration(String),
+    Pictures(Pictures),
     /// The publisher's name.
     Text(String),
     Event(String),
@@ -53,6 +56,9 @@ pub enum DrawnError {
     /// A joint state with fewer joints than the robot has.
     #[error("a joint state with fewer joints than its robot")]
     Joints,
+    /// Bytes that are no picture of the form that was told.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
 }
 
 pub(super) fn vector(v: &[f64]) -> Vector3 {
@@ -72,6 +78,9 @@ impl Drawing {
     /// The drawings of a topic: none for a type that viewers cannot draw, or joints of a robot that cannot be loaded.
     pub fn of_topic(plan: &Plan, index: usize) -> Vec<Self> {
         let Some(topic) = plan.topics.get(index) else { return Vec::new() };
+        if matches!(topic.pattern, TopicPattern::Slices { .. }) {
+            return Pictures::of_topic(plan, index).map(Kind::Pictures).map(Self::new).into_iter().collect();
+        }
         let writer =
             || plan.components.get(topic.writer).map_or_else(String::new, |writer| writer.name.clone());
         let frames = || RobotFrames::of_topic(plan, index);
@@ -107,6 +116,7 @@ impl Drawing {
             Kind::Odometry(_) => ("odometry", Schema::of::<FoxgloveOdometry>()),
             Kind::Contacts => ("scene", Schema::of::<SceneUpdate>()),
             Kind::Calibration(_) => ("calibration", Schema::of::<CameraCalibration>()),
+            Kind::Pictures(_) => ("image", Schema::of::<RawImage>()),
             Kind::Text(_) | Kind::Event(_) => ("log", Schema::of::<Log>()),
         };
         Self { name, schema, kind }
@@ -122,9 +132,25 @@ impl Drawing {
         &self.schema
     }
 
-    /// True if every sample is a message of its own and none may be left out, such as a line of a log.
+    /// True if every sample is a message of its own and none may be left out, such as a line of a log, or a picture, of which there
+    /// is no exact channel.
     pub fn needs_every_sample(&self) -> bool {
-        matches!(self.kind, Kind::Text(_) | Kind::Event(_))
+        matches!(self.kind, Kind::Pictures(_) | Kind::Text(_) | Kind::Event(_))
+    }
+
+    /// The topic of the form of the pictures.
+    pub(super) fn form_topic(&self) -> Option<usize> {
+        match &self.kind {
+            Kind::Pictures(pictures) => Some(pictures.form_topic()),
+            _ => None,
+        }
+    }
+
+    /// Takes note of the form of the pictures.
+    pub(super) fn note(&mut self, bytes: &[u8]) {
+        if let Kind::Pictures(pictures) = &mut self.kind {
+            pictures.note(bytes);
+        }
     }
 
     /// Appends the message of a sample at a time in ns.
@@ -177,6 +203,7 @@ impl Drawing {
                 };
                 append(&calibration, out);
             }
+            Kind::Pictures(pictures) => append(&pictures.image(bytes, time_ns)?, out),
             Kind::Text(name) => {
                 let text = read::<Text>(bytes)?;
                 append(&log(time_ns, Level::Info, name, text.as_str()), out);

@@ -18,6 +18,9 @@
 //! | `motorium.Contacts` | `scene` | `foxglove.SceneUpdate` |
 //! | `motorium.ImageInfo` | `calibration` | `foxglove.CameraCalibration` |
 //! | `motorium.Text`, `motorium.Event` | `log` | `foxglove.Log` |
+//! | slices of `u8` of a component that publishes one `motorium.ImageInfo` | `image` | `foxglove.RawImage` |
+//!
+//! Pictures alone have no exact channel.
 //!
 //! [`channels`] gives the channels of a plan:
 //!
@@ -38,12 +41,14 @@
 mod channels;
 mod derived;
 mod drawn;
+mod pictures;
 mod robots;
 mod wire;
 
 pub use channels::{Channel, Content, channels};
 pub use derived::{Derived, DerivedError};
 pub use drawn::{Drawing, DrawnError, log};
+pub use pictures::PictureError;
 pub use robots::{Description, RobotFrames, descriptions, robot_of_topic};
 
 /// The schema of the messages of a channel.

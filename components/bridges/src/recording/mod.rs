@@ -15,6 +15,7 @@
 //! where each episode follows on the one before.
 
 mod analysis;
+mod batch;
 mod component;
 mod csv;
 mod file;

@@ -1,18 +1,19 @@
 //! Taps of all chosen topics, and the file that their samples go to.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use mcap::McapError;
 use motorium::component::Observer;
-use motorium::declare::{Taps, TopicPattern};
+use motorium::declare::Taps;
 use motorium::plan::{ClockKind, Plan};
 use motorium::region::{EventReader, EventRecord, EventSeverity};
 use motorium::state::{Event, Stamp, StateBuffer as _, TypeLayout};
 use motorium::transport::{PortError, Tap};
 
+use super::batch::{Batch, Ring};
 use super::file::Writer;
 use super::{COUNTS, EVENTS, HASH, LAYOUT, PLAN, RUN, TOPIC, machine};
 use crate::foxglove::{Channel, Content, Derived, DerivedError, Schema, channels, descriptions, log};
@@ -82,24 +83,10 @@ pub(super) struct Recorder {
     has_failed: bool,
 }
 
-/// Messages of the last moments, oldest first.
-struct Ring {
-    span_ns: u64,
-    messages: VecDeque<(Message, Box<[u8]>)>,
-}
-
-impl Ring {
-    fn push(&mut self, message: Message, data: &[u8]) {
-        let oldest_ns = message.time_ns.saturating_sub(self.span_ns);
-        while self.messages.front().is_some_and(|(first, _)| first.time_ns < oldest_ns) {
-            self.messages.pop_front();
-        }
-        self.messages.push_back((message, data.into()));
-    }
-}
-
 /// One topic that is recorded.
 struct Topic {
+    /// Its index in the plan.
+    index: usize,
     tap: Tap,
     channels: Vec<Recorded>,
     samples: u64,
@@ -111,28 +98,6 @@ struct Recorded {
     channel: Channel,
     /// Time from which on the next drawn message is due.
     due_ns: u64,
-}
-
-/// Messages that were read and not yet written: in the order of their times in the file.
-#[derive(Default)]
-struct Batch {
-    bytes: Vec<u8>,
-    messages: Vec<Message>,
-}
-
-struct Message {
-    time_ns: u64,
-    publish_ns: u64,
-    sequence: u64,
-    channel: u16,
-    start: usize,
-    end: usize,
-}
-
-impl Message {
-    fn write(&self, data: &[u8], writer: &mut Writer) -> Result<(), McapError> {
-        writer.message(self.channel, self.sequence, (self.time_ns, self.publish_ns), data)
-    }
 }
 
 /// From times of stamps to times in the file.
@@ -181,7 +146,7 @@ impl Recorder {
         let events = event_channels(&mut writer, &event).map_err(of_file)?;
         let mut topics = Vec::new();
         for (index, topic) in observer.plan().topics.iter().enumerate() {
-            if !settings.taps.includes(&topic.name) || matches!(topic.pattern, TopicPattern::Slices { .. }) {
+            if !settings.taps.includes(&topic.name) {
                 continue;
             }
             let channels = channels(observer.plan(), index)?.into_iter().map(|channel| {
@@ -189,9 +154,15 @@ impl Recorder {
                 let id = writer.channel(&channel.name, channel.schema(), &metadata).map_err(of_file)?;
                 Ok::<_, RecordError>(Recorded { id, channel, due_ns: 0 })
             });
-            let channels = channels.collect::<Result<_, _>>()?;
-            topics.push(Topic { tap: observer.tap(index)?, channels, samples: 0 });
+            let channels = channels.collect::<Result<Vec<_>, _>>()?;
+            // of slices that nobody can draw
+            if !channels.is_empty() {
+                topics.push(Topic { index, tap: observer.tap(index)?, channels, samples: 0 });
+            }
         }
+        // What tells how to read another topic is read before it.
+        let told: Vec<usize> = topics.iter().flat_map(Topic::forms).collect();
+        topics.sort_by_key(|topic| !told.contains(&topic.index));
         writer.flush().map_err(of_file)?;
         let recorder = Self {
             observer,
@@ -205,7 +176,7 @@ impl Recorder {
             clock,
             drawn_every_ns: settings.drawn_every_ns,
             batch: Batch::default(),
-            ring: settings.last_ns.map(|span_ns| Ring { span_ns, messages: VecDeque::new() }),
+            ring: settings.last_ns.map(Ring::new),
             has_failed: false,
         };
         Ok((recorder, file))
@@ -214,19 +185,29 @@ impl Recorder {
     /// Writes what was published since the last call.
     pub(super) fn drain(&mut self) -> Result<(), RecordError> {
         let Self { topics, batch, clock, drawn_every_ns, .. } = self;
-        for topic in topics {
+        let told: Vec<usize> = topics.iter().flat_map(Topic::forms).collect();
+        for place in 0..topics.len() {
+            let Topic { index, tap, channels, samples } = &mut topics[place];
+            let index = *index;
+            let mut form = None;
             for _ in 0..AT_A_TIME {
-                let Topic { tap, channels, samples } = topic;
                 let read = tap.read(|stamp, bytes| {
                     *samples += 1;
                     let time_ns = clock.of(stamp);
                     channels.iter_mut().for_each(|channel| {
                         channel.take((stamp, bytes), time_ns, *drawn_every_ns, batch);
                     });
+                    if told.contains(&index) {
+                        form = Some(bytes.to_vec());
+                    }
                 });
                 if !read {
                     break;
                 }
+            }
+            if let Some(form) = form {
+                let channels = topics.iter_mut().flat_map(|topic| &mut topic.channels);
+                channels.for_each(|recorded| recorded.channel.note(index, &form));
             }
         }
         self.drain_events();
@@ -316,16 +297,21 @@ impl Recorder {
             ("lost".to_string(), counts.lost.to_string()),
         ]);
         for topic in &self.topics {
-            if let Some(first) = topic.channels.first() {
-                let name = &first.channel.name;
-                values.insert(format!("samples {name}"), topic.samples.to_string());
-                values.insert(format!("lost {name}"), topic.tap.missed().to_string());
-            }
+            let name = &self.observer.plan().topics[topic.index].name;
+            values.insert(format!("samples {name}"), topic.samples.to_string());
+            values.insert(format!("lost {name}"), topic.tap.missed().to_string());
         }
         let Self { path, mut writer, .. } = self;
         let ended = writer.metadata(COUNTS, values).and_then(|()| writer.finish());
         ended.map_err(|source| RecordError::File { path, source })?;
         Ok(counts)
+    }
+}
+
+impl Topic {
+    /// The topics that tell how to read this one.
+    fn forms(&self) -> impl Iterator<Item = usize> {
+        self.channels.iter().filter_map(|recorded| recorded.channel.form_topic())
     }
 }
 
@@ -343,18 +329,6 @@ impl Recorded {
         batch.push(self.id, stamp, time_ns, |out| {
             let _ = channel.encode(stamp, bytes, time_ns, out);
         });
-    }
-}
-
-impl Batch {
-    fn push(&mut self, channel: u16, stamp: &Stamp, time_ns: u64, encode: impl FnOnce(&mut Vec<u8>)) {
-        let start = self.bytes.len();
-        encode(&mut self.bytes);
-        let end = self.bytes.len();
-        if end > start {
-            let (publish_ns, sequence) = (time_ns, stamp.sequence);
-            self.messages.push(Message { time_ns, publish_ns, sequence, channel, start, end });
-        }
     }
 }
 

@@ -46,7 +46,7 @@ pub(crate) enum Stop {
 
 /// One joint's laws as functions of its end velocity.
 #[derive(Clone, Debug)]
-pub(super) struct Laws {
+pub(crate) struct Laws {
     /// Drive effort before clamping: `drive_0 - drive_slope * v+`.
     drive_0: f64,
     drive_slope: f64,
@@ -70,7 +70,7 @@ const RECOVERY_RATE: f64 = 20.0;
 
 impl Laws {
     /// A velocity of a floating base: nothing acts on it.
-    pub(super) const FREE: Self = Self {
+    pub(crate) const FREE: Self = Self {
         drive_0: 0.0,
         drive_slope: 0.0,
         high: f64::INFINITY,
@@ -86,7 +86,7 @@ impl Laws {
 
     /// The laws in a step of `h` from position `q`. The drive's effort lies within `low` and `high`, which are those of the joint
     /// or, in this step, narrower.
-    pub(super) fn new(
+    pub(crate) fn new(
         joint: &JointProperties,
         command: &JointCommand,
         [low, high]: [f64; 2],
@@ -134,7 +134,7 @@ impl Laws {
     }
 
     /// Drive effort at end velocity `x`, after clamping.
-    pub(super) fn drive(&self, x: f64) -> f64 {
+    pub(crate) fn drive(&self, x: f64) -> f64 {
         (self.drive_0 - self.drive_slope * x).clamp(self.lowest(x), self.highest(x))
     }
 
@@ -151,14 +151,14 @@ impl Laws {
     }
 
     /// True if the drive's effort is below what its command alone would give.
-    pub(super) fn is_saturated(&self, x: f64) -> bool {
+    pub(crate) fn is_saturated(&self, x: f64) -> bool {
         let raw = self.drive_0 - self.drive_slope * x;
         raw > self.highest(x) || raw < self.lowest(x)
     }
 
     /// The branch of the drive at end velocity `x`, found in `mode`. Between full effort forwards and backwards lies the
     /// branch of braking: to jump over it would make the iteration cycle.
-    fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
+    pub(crate) fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
         let raw = self.drive_0 - self.drive_slope * x;
         if x > self.max_velocity && raw > self.highest(x) {
             let full = self.slowing_forwards(x) <= self.low;
@@ -184,15 +184,20 @@ impl Laws {
         }
     }
 
-    /// Force on the joint in `mode` as `constant - slope * x`, stops and sticking apart.
-    pub(super) fn force(&self, mode: &Mode) -> (f64, f64) {
-        let (drive, slope) = match mode.drive {
+    /// Effort of the drive on a branch as `constant - slope * x`.
+    pub(crate) fn drive_force(&self, drive: Drive) -> (f64, f64) {
+        match drive {
             Drive::Linear => (self.drive_0, self.drive_slope),
             Drive::High => (self.high, 0.0),
             Drive::Low => (self.low, 0.0),
             Drive::SlowForwards => (self.slowing_forwards(0.0), self.braking_slope),
             Drive::SlowBackwards => (self.slowing_backwards(0.0), self.braking_slope),
-        };
+        }
+    }
+
+    /// Force on the joint in `mode` as `constant - slope * x`, stops and sticking apart.
+    pub(super) fn force(&self, mode: &Mode) -> (f64, f64) {
+        let (drive, slope) = self.drive_force(mode.drive);
         let friction = match mode.friction {
             Friction::None | Friction::Stick => 0.0,
             Friction::Forwards => -self.friction,

@@ -21,7 +21,7 @@ use actuators::{Actuators, ActuatorsState};
 pub(crate) use implicit::ExternalImpulses;
 pub use implicit::Singular;
 pub use integrator::{JointEvents, JointSpaceIntegrator};
-pub(crate) use laws::Mode;
+pub(crate) use laws::{Drive, Laws, Mode};
 
 /// A robot with a fixed or floating base in a world, simulated by the [`Articulated`] engine.
 ///

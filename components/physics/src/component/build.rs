@@ -10,7 +10,7 @@ use nalgebra::{Isometry3, Translation3};
 
 use super::actuators;
 use super::config::{self, PhysicsConfig};
-use crate::{Articulated, Engine, Rapier, RobotSetup, Simulation};
+use crate::{Articulated, ArticulatedSimulator, Engine, Mujoco, Rapier, RobotSetup, Simulation, Simulator};
 
 /// The simulation of a component, and the robots in it.
 pub(super) struct Built<E> {
@@ -216,5 +216,24 @@ impl PhysicsEngine for Rapier {
 
     fn prepare(simulation: &mut Simulation<Self>, _: bool) {
         simulation.enclose_rapier(|call| set_apart(call));
+    }
+}
+
+impl PhysicsEngine for Mujoco {
+    const KIND: &'static str = "physics.mujoco";
+    const SUMMARY: &'static str = "simulates robots by MuJoCo, where its library is installed";
+
+    fn prepare(simulation: &mut Simulation<Self>, placed_anywhere: bool) {
+        if !placed_anywhere {
+            return;
+        }
+        // The same shapes stand on the same ground.
+        let (model, world) = (simulation.model().clone(), simulation.world.clone());
+        let (q, options) = (simulation.configuration().to_vec(), *simulation.options());
+        if let Ok(mut twin) = ArticulatedSimulator::new(model, world, &q, options) {
+            twin.place_on_ground();
+            let placed = simulation.reset(twin.configuration(), twin.velocity());
+            placed.expect("the same robot has the same coordinates");
+        }
     }
 }

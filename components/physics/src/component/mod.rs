@@ -1,4 +1,4 @@
-//! `physics.articulated` and `physics.rapier`: simulations as components of a graph.
+//! `physics.articulated`, `physics.rapier` and `physics.mujoco`: simulations as components of a graph.
 
 mod actuators;
 mod build;
@@ -21,7 +21,7 @@ use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;
 use serde_json::json;
 
-use crate::{Articulated, BuildWarning, JointCommand, Rapier, Simulation, Simulator, StepReport};
+use crate::{Articulated, BuildWarning, JointCommand, Mujoco, Rapier, Simulation, Simulator, StepReport};
 pub use actuators::{ActuatorConfig, EnvelopeConfig, ThermalConfig};
 pub use build::PhysicsEngine;
 use build::{Built, build};
@@ -40,6 +40,10 @@ pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
 /// `physics.rapier`: a simulation by the [`Rapier`] engine, for robots with a fixed base. Heap allocations inside
 /// rapier are counted apart.
 pub type RapierPhysics = PhysicsComponent<Rapier>;
+
+/// `physics.mujoco`: a simulation by the [`Mujoco`] engine, for robots with a fixed or a floating base, where MuJoCo's
+/// library is installed.
+pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 
 /// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its base state,
 /// too. Or several robots with fixed bases in one world, each with ports and a command gate of its own.
@@ -385,6 +389,6 @@ impl Totals {
 /// let names: Vec<_> = motorium_physics::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"physics.articulated"));
 /// ```
-pub fn kinds() -> [Kind; 2] {
-    [Kind::of::<ArticulatedPhysics>(), Kind::of::<RapierPhysics>()]
+pub fn kinds() -> [Kind; 3] {
+    [Kind::of::<ArticulatedPhysics>(), Kind::of::<MujocoPhysics>(), Kind::of::<RapierPhysics>()]
 }

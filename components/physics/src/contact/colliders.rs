@@ -3,11 +3,15 @@
 use std::sync::Arc;
 
 use motorium_robots::{
-    Attachment, CollisionError, CollisionModel, CollisionOptions, ConvexShape, HeightField, MeshMode,
+    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, HeightField,
+    Kinematics, MeshMode,
 };
 use nalgebra::Isometry3;
 
 use crate::{BuildWarning, Options, RobotSetup, Surface, World};
+
+/// Links that start closer than this never touch each other \[m\].
+const TOO_CLOSE: f64 = 0.010;
 
 /// The part of the simulation that a collider moves with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -157,6 +161,31 @@ impl Colliders {
     /// True where both colliders are links of the robot, moving or not.
     pub(crate) fn both_links(&self, pair: [usize; 2]) -> bool {
         pair.iter().all(|&index| index < self.first_object)
+    }
+
+    /// Excludes pairs of links that are too close as the robot stands, with a warning each, and warns of links inside
+    /// something else. True if there was any such pair.
+    pub(crate) fn exclude_close(
+        &mut self,
+        kinematics: &Kinematics,
+        warnings: &mut Vec<BuildWarning>,
+    ) -> bool {
+        let mut distances = Collisions::new(&self.model);
+        distances.update(&self.model, kinematics);
+        let mut close = Vec::new();
+        for proximity in distances.within(&self.model, TOO_CLOSE) {
+            let pair = self.model.pairs()[proximity.pair];
+            let [first, second] = pair.map(|index| self.model.link(index).to_owned());
+            if self.both_links(pair) {
+                close.push(pair);
+                let distance = proximity.distance.max(0.0);
+                warnings.push(BuildWarning::SelfCollisionOff { first, second, distance });
+            } else if pair[0] < self.first_object && proximity.distance <= 0.0 {
+                warnings.push(BuildWarning::StartsInside { link: first, other: second });
+            }
+        }
+        self.exclude(&close);
+        !close.is_empty()
     }
 
     /// Excludes pairs of colliders.

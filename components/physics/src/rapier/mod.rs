@@ -13,7 +13,7 @@ mod multibody;
 mod scene;
 mod shapes;
 
-use motorium_robots::{Collisions, FrameId};
+use motorium_robots::FrameId;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use crate::articulated::{JointSpaceIntegrator, Mode};
@@ -58,9 +58,6 @@ pub struct Rapier {
     /// Length of the last step \[s\].
     dt: f64,
 }
-
-/// Links that start closer than this never touch each other \[m\].
-const TOO_CLOSE: f64 = 0.010;
 
 /// The state of a [`Rapier`] engine that later steps depend on.
 pub struct RapierState {
@@ -150,22 +147,7 @@ impl Engine for Rapier {
     }
 
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
-        let model = &self.colliders.model;
-        let mut distances = Collisions::new(model);
-        distances.update(model, &robot.kinematics);
-        let mut close = Vec::new();
-        for proximity in distances.within(model, TOO_CLOSE) {
-            let pair = model.pairs()[proximity.pair];
-            let [first, second] = pair.map(|index| model.link(index).to_owned());
-            if self.colliders.both_links(pair) {
-                close.push(pair);
-                let distance = proximity.distance.max(0.0);
-                warnings.push(BuildWarning::SelfCollisionOff { first, second, distance });
-            } else if pair[0] < self.colliders.first_object && proximity.distance <= 0.0 {
-                warnings.push(BuildWarning::StartsInside { link: first, other: second });
-            }
-        }
-        self.colliders.exclude(&close);
+        self.colliders.exclude_close(&robot.kinematics, warnings);
         self.pairs = PairTable::new(self.colliders.colliders.len(), self.colliders.model.pairs());
     }
 

@@ -1,4 +1,4 @@
-//! Tests of the simulators, of their components in graphs, and of the two engines against each other.
+//! Tests of the simulators, of their components in graphs, and of the engines against each other.
 
 mod actuators;
 mod allocations;
@@ -17,6 +17,7 @@ mod floating_catalogue;
 mod gait;
 mod integrator;
 mod legged;
+mod mujoco;
 mod panda;
 mod pushes;
 mod randomise;

@@ -30,6 +30,9 @@ pub(super) fn load(robot: &RobotReference, base: BaseMode) -> Result<Loaded, Con
     source.load_with(&options).map_err(|error| ConfigError::new(error.to_string()))
 }
 
+/// Name of the frame that never moves.
+const WORLD: &str = "world";
+
 /// The place of a sensor on a robot.
 ///
 /// ```toml
@@ -40,7 +43,7 @@ pub(super) fn load(robot: &RobotReference, base: BaseMode) -> Result<Loaded, Con
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Mount {
-    /// Link that carries the sensor. Default: the root link.
+    /// Link that carries the sensor; `world` for a place that never moves, on a robot without such a link. Default: the root link.
     pub frame: Option<String>,
     /// Position of the sensor in the frame of the link (m). Default: its origin.
     pub position: [f64; 3],
@@ -57,6 +60,15 @@ impl Mount {
         let [roll, pitch, yaw] = self.rpy;
         let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
         Ok(Isometry3::from_parts(Translation3::from(self.position), rotation))
+    }
+
+    /// The link that carries the sensor; `None` if that is the world.
+    fn carrier(&self, model: &Model) -> Result<Option<FrameId>, ConfigError> {
+        let is_link = || model.frames().iter().any(|frame| frame.name == WORLD);
+        if self.frame.as_deref() == Some(WORLD) && !is_link() {
+            return Ok(None);
+        }
+        self.frame(model).map(Some)
     }
 
     /// The link that carries the sensor.
@@ -84,6 +96,8 @@ pub(super) enum Needs {
     Place,
     /// None; the place may stand still.
     AnyPlace,
+    /// None; the place may stand still. The motion is not the true one, but as it was measured.
+    Measured,
     /// That of all links.
     AllLinks,
 }
@@ -94,7 +108,8 @@ pub(super) struct TrueMotion {
     joints: Option<Input<JointState>>,
     model: Model,
     kinematics: Kinematics,
-    frame: FrameId,
+    /// `None`: the world.
+    frame: Option<FrameId>,
     mount: Isometry3<f64>,
     q: Vec<f64>,
     v: Vec<f64>,
@@ -106,17 +121,20 @@ impl TrueMotion {
     /// are needed. Returns the model.
     pub(super) fn declare(mount: &Mount, needs: Needs, declare: &mut Declare) -> Result<Model, ConfigError> {
         let model = load(named(declare, "the place of the sensor on it")?, BaseMode::AsFile)?.model;
-        let moved = by_joints(&model, mount.frame(&model)?, needs);
+        let frame = mount.carrier(&model)?;
+        let moved = by_joints(&model, frame, needs);
+        let with_base = by_base(&model, frame, needs);
         mount.pose()?;
-        if !model.base().floating && !moved && needs == Needs::Place {
+        if !with_base && !moved && needs == Needs::Place {
             return Err(ConfigError::key("mount.frame", "the link does not move: nothing to measure there")
                 .advise("name a link that a joint moves"));
         }
-        if model.base().floating {
-            declare.input::<BaseState>("base_state", "true pose and velocity of the base");
+        let how = if needs == Needs::Measured { "measured" } else { "true" };
+        if with_base {
+            declare.input::<BaseState>("base_state", &format!("{how} pose and velocity of the base"));
         }
         if moved {
-            declare.input::<JointState>("joint_state", "true joint state");
+            declare.input::<JointState>("joint_state", &format!("{how} joint state"));
         }
         Ok(model)
     }
@@ -124,12 +142,13 @@ impl TrueMotion {
     /// Opens the inputs.
     pub(super) fn open(mount: &Mount, needs: Needs, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let model = load(setup.robot()?, BaseMode::AsFile)?.model;
-        let (frame, pose) = (mount.frame(&model)?, mount.pose()?);
+        let (frame, pose) = (mount.carrier(&model)?, mount.pose()?);
         let moved = by_joints(&model, frame, needs);
+        let with_base = by_base(&model, frame, needs);
         let mut kinematics = Kinematics::new(&model);
         kinematics.update(&model, &model.neutral());
         Ok(Self {
-            base: if model.base().floating { Some(setup.input("base_state")?) } else { None },
+            base: if with_base { Some(setup.input("base_state")?) } else { None },
             joints: if moved { Some(setup.input("joint_state")?) } else { None },
             kinematics,
             frame,
@@ -163,7 +182,10 @@ impl TrueMotion {
 
     /// Pose of the place, as of the motion that was read last.
     pub(super) fn pose(&self) -> Isometry3<f64> {
-        self.kinematics.pose(&self.model, self.frame) * self.mount
+        match self.frame {
+            Some(frame) => self.kinematics.pose(&self.model, frame) * self.mount,
+            None => self.mount,
+        }
     }
 
     /// The motion, if there is a newer one.
@@ -198,8 +220,11 @@ impl TrueMotion {
         }
         let Some(times) = times.filter(|_| is_new) else { return Ok(None) };
         self.kinematics.update_with_velocity(&self.model, &self.q, &self.v);
-        let frame = self.kinematics.pose(&self.model, self.frame);
-        let twist = self.kinematics.velocity(&self.model, self.frame);
+        let Some(frame) = self.frame else {
+            return Ok(Some(Motion { pose: self.mount, linear: Vector3::zeros(), times }));
+        };
+        let twist = self.kinematics.velocity(&self.model, frame);
+        let frame = self.kinematics.pose(&self.model, frame);
         let arm = frame.rotation * self.mount.translation.vector;
         Ok(Some(Motion { pose: frame * self.mount, linear: twist.linear + twist.angular.cross(&arm), times }))
     }
@@ -211,9 +236,14 @@ impl TrueMotion {
 }
 
 /// True if the joints must be known.
-fn by_joints(model: &Model, frame: FrameId, needs: Needs) -> bool {
+fn by_joints(model: &Model, frame: Option<FrameId>, needs: Needs) -> bool {
     let all = needs == Needs::AllLinks && model.joint_count() > 0;
-    all || model.frames()[frame.index()].body.is_some()
+    all || frame.is_some_and(|frame| model.frames()[frame.index()].body.is_some())
+}
+
+/// True if the base must be known.
+fn by_base(model: &Model, frame: Option<FrameId>, needs: Needs) -> bool {
+    model.base().floating && (frame.is_some() || needs == Needs::AllLinks)
 }
 
 /// Identity of a sample, which tells it from another.

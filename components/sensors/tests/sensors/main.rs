@@ -1,6 +1,7 @@
 //! Tests of the sensor models, of their components in graphs, and of the state estimation.
 
 mod allocations;
+mod camera;
 mod channel;
 mod component;
 mod contact;
@@ -9,6 +10,7 @@ mod estimator;
 mod imu;
 mod invariant;
 mod loads;
+mod pictures;
 mod place;
 mod rays;
 

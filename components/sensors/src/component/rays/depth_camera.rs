@@ -11,7 +11,8 @@ use serde::Deserialize;
 use super::super::readings::refused;
 use super::{Common, Mount, RangeSensor, Timing};
 use crate::channel::ErrorModel;
-use crate::ranging::{Pinhole, RangeModel, RangeSettings};
+use crate::pinhole::Pinhole;
+use crate::ranging::{RangeModel, RangeSettings};
 
 /// Configuration of `sensor.depth_camera`. The default is an ideal camera of 160 x 120 pixels at the root link that looks along
 /// its x.
@@ -76,10 +77,10 @@ impl Default for DepthCameraConfig {
 }
 
 /// Pixels of a picture at most.
-const MOST_PIXELS: u64 = 1 << 20;
+pub(super) const MOST_PIXELS: u64 = 1 << 20;
 
-/// Pictures that wait for a slow reader.
-const PICTURES: usize = 3;
+/// Pictures that wait for a slow reader, such as a recorder at 10 Hz.
+pub(super) const PICTURES: usize = 6;
 
 /// Bytes of a pixel of depth.
 const DEPTH_BYTES: usize = size_of::<f32>();
@@ -113,7 +114,7 @@ impl DepthCamera {
             height,
             stride: width * DEPTH_BYTES as u32,
             encoding: ImageInfo::DEPTH_32,
-            focal_length: [focal_length; 2],
+            focal_length,
             principal_point,
         }
     }

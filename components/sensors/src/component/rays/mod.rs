@@ -1,8 +1,11 @@
-//! Sensors that look along rays, as components: `sensor.ray`, `sensor.lidar`, `sensor.height_scan`, `sensor.depth_camera`.
+//! Sensors that look along rays, as components: `sensor.ray`, `sensor.lidar`, `sensor.height_scan`, `sensor.depth_camera`,
+//! `sensor.camera`.
 
+mod camera;
 mod depth_camera;
 mod height_scan;
 mod lidar;
+mod looks;
 mod ray;
 mod view;
 
@@ -15,7 +18,9 @@ use schemars::JsonSchema;
 use super::readings::Readings;
 use super::robot::Mount;
 use crate::channel::Timing;
+use crate::rendering::Looks;
 
+pub use camera::{Camera, CameraConfig, CameraOutputs, Intrinsics};
 pub use depth_camera::{DepthCamera, DepthCameraConfig, DepthCameraOutputs};
 pub use height_scan::{HeightScanConfig, HeightScanSensor};
 pub use lidar::{Lidar, LidarConfig, LidarOutputs};
@@ -44,6 +49,8 @@ pub trait RangeSensor: Sized + 'static {
     const KIND: &'static str;
     /// One line on it.
     const SUMMARY: &'static str;
+    /// True if it sees the colours of things, and is [told](Self::dress) of them. Default false.
+    const SEES_COLOURS: bool = false;
     /// Its configuration.
     type Config: serde::de::DeserializeOwned + JsonSchema;
     /// Its outputs.
@@ -65,6 +72,8 @@ pub trait RangeSensor: Sized + 'static {
     /// # Errors
     /// A port cannot be opened.
     fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError>;
+    /// Takes note of the looks of the scene, before the first reading.
+    fn dress(&mut self, _: &Looks) {}
     /// Fills in a reading: the sensor at `pose`, `dt` \[s\] after the last reading.
     fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, dt: f64, values: &mut [f64]);
     /// Publishes a reading with its source time.
@@ -105,9 +114,11 @@ impl<S: RangeSensor> Component for AlongRays<S> {
     fn configure(config: S::Config, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let common = S::common(&config);
         let seed = common.seed.unwrap_or(setup.seed());
-        let sensor = S::new(&config, seed)?;
+        let mut sensor = S::new(&config, seed)?;
+        let view = View::open(common.seen(), S::SEES_COLOURS, setup)?;
+        view.looks().into_iter().for_each(|looks| sensor.dress(looks));
         Ok(Self {
-            view: View::open(common.seen(), setup)?,
+            view,
             outputs: sensor.open(setup)?,
             readings: Readings::new(&common.timing, sensor.width(), setup.period(), seed)?,
             values: vec![0.0; sensor.width()],
@@ -131,6 +142,7 @@ impl<S: RangeSensor> Component for AlongRays<S> {
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
         let seed = S::common(&self.config).seed.unwrap_or(episode.seed);
         self.sensor = S::new(&self.config, seed).map_err(|error| StepError::failed(error.to_string()))?;
+        self.view.looks().into_iter().for_each(|looks| self.sensor.dress(looks));
         self.readings.reset(seed);
         self.view.reset();
         self.since = None;

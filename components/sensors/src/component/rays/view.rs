@@ -9,6 +9,8 @@ use motorium_robots::{
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use super::super::robot::{Mount, Needs, TrueMotion};
+use super::looks::looks;
+use crate::rendering::Looks;
 
 /// Where a sensor is, and what it sees.
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +38,8 @@ pub(super) struct View {
     motion: TrueMotion,
     objects: Option<Input<ObjectPoses>>,
     pub(super) scene: RayScene,
+    /// For a sensor that sees colours.
+    looks: Option<Looks>,
     /// The links that move, as shapes of the scene.
     links: Vec<Link>,
     root: FrameId,
@@ -85,14 +89,18 @@ impl View {
         Ok(())
     }
 
-    /// Opens the inputs.
-    pub(super) fn open(seen: Seen<'_>, setup: &mut Setup) -> Result<Self, ConfigureError> {
+    /// Opens the inputs, and finds the colours of what is seen if they are asked for.
+    pub(super) fn open(
+        seen: Seen<'_>,
+        sees_colours: bool,
+        setup: &mut Setup,
+    ) -> Result<Self, ConfigureError> {
         let motion = TrueMotion::open(seen.mount, seen.needs(), setup)?;
         let mut scene = RayScene::default();
         let mut links = Vec::new();
-        if seen.sees_robot {
-            let solids = solids(motion.model());
-            scene.add_solids(&solids);
+        let solids = seen.sees_robot.then(|| solids(motion.model()));
+        if let Some(solids) = &solids {
+            scene.add_solids(solids);
             links.extend((0..solids.solid_count()).filter_map(|target| {
                 let attachment = solids.attachment(target);
                 let placement = solids.placement(target);
@@ -100,13 +108,20 @@ impl View {
             }));
         }
         let first_object = scene.add_world(seen.world);
+        let looks =
+            if sees_colours { Some(looks(setup.robot()?, solids.as_ref(), seen.world)?) } else { None };
         let root = motion.model().frames()[0].name.clone();
         let root = motion.model().frame(&root).map_err(|error| ConfigError::new(error.to_string()))?;
         let objects = if seen.moves() { Some(setup.input("object_poses")?) } else { None };
         let object_count = seen.world.objects.len();
-        let mut view = Self { motion, objects, scene, links, root, first_object, object_count };
+        let mut view = Self { motion, objects, scene, looks, links, root, first_object, object_count };
         view.place_links();
         Ok(view)
+    }
+
+    /// The looks of the scene, for a sensor that sees colours.
+    pub(super) fn looks(&self) -> Option<&Looks> {
+        self.looks.as_ref()
     }
 
     /// The newest truth, if there is one that was not seen before.

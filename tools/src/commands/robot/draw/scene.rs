@@ -2,14 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use motorium_robots::{Geometry, Kinematics, Loaded, Shape};
+use motorium_robots::{Geometry, Kinematics, LinkColours, Loaded, Shape};
 use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
 use super::solid::{Face, Form, Solid};
-use crate::commands::robot::urdf_text;
-
-/// Of links that state no colour: the base, then links in turn.
-const PLAIN: [[f64; 3]; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77, 0.84]];
 
 /// Of sticks in place of links without a shape.
 const STICK: [f64; 3] = [0.45, 0.58, 0.75];
@@ -24,7 +20,7 @@ impl Scene {
     /// The robot as `kinematics` has placed it; `urdf` is its text.
     pub(super) fn of(robot: &Loaded, kinematics: &Kinematics, urdf: &str) -> Self {
         let model = &robot.model;
-        let mut painter = Painter { colours: urdf_text::colours(urdf), used: BTreeMap::new() };
+        let mut painter = Painter { colours: LinkColours::of_urdf(urdf), used: BTreeMap::new() };
         let mut solids = Vec::new();
         let root = model.frames().iter().find(|frame| frame.body.is_none() && !frame.in_world);
         let base = root.and_then(|frame| {
@@ -32,14 +28,14 @@ impl Scene {
             Some(pose * frame.placement.inverse())
         });
         let base = base.unwrap_or_else(Isometry3::identity);
-        solids.extend(painter.paint(&model.base().world_shapes, Isometry3::identity(), 0));
-        let shapes = painter.paint(&model.base().shapes, base, 0);
+        solids.extend(painter.paint(&model.base().world_shapes, Isometry3::identity(), None));
+        let shapes = painter.paint(&model.base().shapes, base, None);
         let bare_base =
             shapes.is_empty() && (model.base().inertia.mass > 0.0 || !model.base().shapes.is_empty());
         solids.extend(shapes);
         let mut bare = Vec::new();
         for (index, body) in model.bodies().iter().enumerate() {
-            let shapes = painter.paint(&body.shapes, kinematics.body_pose(index), 1 + index % 2);
+            let shapes = painter.paint(&body.shapes, kinematics.body_pose(index), Some(index));
             // A link without shape and mass, as between the slides of a base, is nothing to see.
             bare.push(shapes.is_empty() && (body.inertia.mass > 0.0 || !body.shapes.is_empty()));
             solids.extend(shapes);
@@ -93,26 +89,21 @@ impl Scene {
 }
 
 struct Painter {
-    colours: BTreeMap<String, Vec<Option<[f64; 3]>>>,
+    colours: LinkColours,
     /// Number of shapes of each link painted so far.
     used: BTreeMap<String, usize>,
 }
 
 impl Painter {
     /// Shapes, each in the colour of the visual at its place in its link; without the meshes that cannot be read.
-    fn paint(&mut self, shapes: &[Shape], body: Isometry3<f64>, plain: usize) -> Vec<Solid> {
+    fn paint(&mut self, shapes: &[Shape], pose: Isometry3<f64>, body: Option<usize>) -> Vec<Solid> {
         let mut solids = Vec::new();
         for shape in shapes {
             let place = self.used.entry(shape.link.clone()).or_default();
-            let stated =
-                self.colours.get(&shape.link).and_then(|colours| colours.get(*place).or(colours.last()));
+            let colour = self.colours.of_shape(&shape.link, *place, body);
             *place += 1;
             if let Some(form) = Form::of(&shape.geometry) {
-                solids.push(Solid {
-                    pose: body * shape.placement,
-                    form,
-                    colour: stated.copied().flatten().unwrap_or(PLAIN[plain]),
-                });
+                solids.push(Solid { pose: pose * shape.placement, form, colour });
             }
         }
         solids

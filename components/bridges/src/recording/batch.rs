@@ -1,0 +1,70 @@
+//! Messages on their way to the file.
+
+use std::collections::VecDeque;
+
+use mcap::McapError;
+use motorium::state::Stamp;
+
+use super::file::Writer;
+
+/// Messages that were read and not yet written: in the order of their times in the file.
+#[derive(Default)]
+pub(super) struct Batch {
+    pub(super) bytes: Vec<u8>,
+    pub(super) messages: Vec<Message>,
+}
+
+/// A message, as a part of the bytes of its batch.
+pub(super) struct Message {
+    pub(super) time_ns: u64,
+    publish_ns: u64,
+    sequence: u64,
+    channel: u16,
+    pub(super) start: usize,
+    pub(super) end: usize,
+}
+
+impl Message {
+    pub(super) fn write(&self, data: &[u8], writer: &mut Writer) -> Result<(), McapError> {
+        writer.message(self.channel, self.sequence, (self.time_ns, self.publish_ns), data)
+    }
+}
+
+impl Batch {
+    pub(super) fn push(
+        &mut self,
+        channel: u16,
+        stamp: &Stamp,
+        time_ns: u64,
+        encode: impl FnOnce(&mut Vec<u8>),
+    ) {
+        let start = self.bytes.len();
+        encode(&mut self.bytes);
+        let end = self.bytes.len();
+        if end > start {
+            let (publish_ns, sequence) = (time_ns, stamp.sequence);
+            self.messages.push(Message { time_ns, publish_ns, sequence, channel, start, end });
+        }
+    }
+}
+
+/// Messages of the last moments, oldest first.
+pub(super) struct Ring {
+    span_ns: u64,
+    pub(super) messages: VecDeque<(Message, Box<[u8]>)>,
+}
+
+impl Ring {
+    /// Room for the messages of a time \[ns\].
+    pub(super) fn new(span_ns: u64) -> Self {
+        Self { span_ns, messages: VecDeque::new() }
+    }
+
+    pub(super) fn push(&mut self, message: Message, data: &[u8]) {
+        let oldest_ns = message.time_ns.saturating_sub(self.span_ns);
+        while self.messages.front().is_some_and(|(first, _)| first.time_ns < oldest_ns) {
+            self.messages.pop_front();
+        }
+        self.messages.push_back((message, data.into()));
+    }
+}

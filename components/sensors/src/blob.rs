@@ -1,0 +1,183 @@
+//! A thing of one colour in a picture, and its motion in the world.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Unit, Vector3};
+
+use crate::channel::SettingError;
+use crate::pinhole::Pinhole;
+
+/// Pixels of one hue: those whose levels point in the direction of a colour, however bright they are.
+///
+/// Under white light the levels of a matt surface are its colour times a number, so that neither light nor shadow changes the angle
+/// between them and the colour.
+///
+/// ```
+/// use motorium_sensors::blob::Hue;
+///
+/// let red = Hue::new([0.9, 0.1, 0.1], 0.1, 20.0)?;
+/// assert!(red.has([225, 25, 25]) && red.has([90, 10, 10]));
+/// assert!(!red.has([225, 120, 25]) && !red.has([9, 1, 1]), "orange; too dark");
+/// # Ok::<(), motorium_sensors::channel::SettingError>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hue {
+    direction: Vector3<f64>,
+    /// Square of the cosine of the largest angle.
+    square: f64,
+    /// Least level of the brightest channel.
+    least: f64,
+}
+
+impl Hue {
+    /// The hue of a colour: pixels whose levels differ from its direction by at most `tolerance` \[rad\], and of which the brightest
+    /// channel has at least the level `least`, 0 to 255.
+    ///
+    /// # Errors
+    /// [`SettingError`]: black, or a number out of its range.
+    pub fn new(colour: [f64; 3], tolerance: f64, least: f64) -> Result<Self, SettingError> {
+        if let Some(part) = colour.iter().find(|part| !(0.0..=1.0).contains(*part)) {
+            return Err(SettingError::new("colour", *part, "numbers from 0 to 1"));
+        }
+        let Some(direction) = Vector3::from(colour).try_normalize(1e-6) else {
+            return Err(SettingError::new("colour", 0.0, "a colour other than black"));
+        };
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            return Err(SettingError::new("tolerance", tolerance, "an angle above 0 and below 1 rad"));
+        }
+        if !(0.0..=255.0).contains(&least) {
+            return Err(SettingError::new("least_level", least, "a level from 0 to 255"));
+        }
+        Ok(Self { direction, square: tolerance.cos().powi(2), least })
+    }
+
+    /// True if a pixel has it.
+    pub fn has(&self, pixel: [u8; 3]) -> bool {
+        let levels = Vector3::from(pixel.map(f64::from));
+        let along = levels.dot(&self.direction);
+        levels.max() >= self.least && along * along >= self.square * levels.norm_squared()
+    }
+}
+
+/// The pixels of one hue in a picture, taken together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Blob {
+    /// Their number.
+    pub pixels: u32,
+    /// Direction of their middle, in the axes of the camera: the mean of their directions by solid angle, which for a sphere is
+    /// that of its centre.
+    pub direction: Unit<Vector3<f64>>,
+    /// Solid angle that they fill \[sr\].
+    pub solid_angle: f64,
+    /// True if one of them lies on the edge of the picture: the thing may go on beyond it.
+    pub on_edge: bool,
+}
+
+impl Blob {
+    /// The pixels of a hue in a picture of red, green and blue; `None` if there are fewer than `least`. `stride` is the number of
+    /// bytes of a row. Rows that the picture does not have count as empty.
+    ///
+    /// ```
+    /// use motorium_sensors::{blob::{Blob, Hue}, pinhole::Pinhole};
+    ///
+    /// let red = Hue::new([1.0, 0.0, 0.0], 0.1, 20.0)?;
+    /// let picture = [0, 0, 0, 200, 0, 0, 0, 0, 0];
+    /// let blob = Blob::find(&red, &Pinhole::new(3, 1, 1.0), &picture, 9, 1).unwrap();
+    /// assert_eq!((blob.pixels, blob.direction.x), (1, 1.0));
+    /// assert!(Blob::find(&red, &Pinhole::new(3, 1, 1.0), &picture, 9, 2).is_none());
+    /// # Ok::<(), motorium_sensors::channel::SettingError>(())
+    /// ```
+    pub fn find(hue: &Hue, camera: &Pinhole, picture: &[u8], stride: usize, least: u32) -> Option<Self> {
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let (mut pixels, mut sum, mut solid_angle, mut on_edge) = (0, Vector3::zeros(), 0.0, false);
+        // of a pixel on the optical axis
+        let unit = 1.0 / (camera.focal_length[0] * camera.focal_length[1]);
+        for (row, line) in picture.chunks(stride.max(1)).enumerate().take(height) {
+            for (column, pixel) in line.chunks_exact(3).enumerate().take(width) {
+                if !hue.has([pixel[0], pixel[1], pixel[2]]) {
+                    continue;
+                }
+                let ray = camera.ray([column as f64, row as f64]);
+                let length = ray.norm();
+                let angle = unit / length.powi(3);
+                pixels += 1;
+                solid_angle += angle;
+                sum += ray * (angle / length);
+                on_edge |= row == 0 || column == 0 || row + 1 == height || column + 1 == width;
+            }
+        }
+        if pixels < least.max(1) {
+            return None;
+        }
+        Some(Self { pixels, direction: Unit::new_normalize(sum), solid_angle, on_edge })
+    }
+
+    /// Distance \[m\] of the centre of a sphere of `radius` \[m\] that fills the solid angle: `radius / sin a` with
+    /// `solid_angle = 2 pi (1 - cos a)`.
+    pub fn distance_of_sphere(&self, radius: f64) -> f64 {
+        let cos = (1.0 - self.solid_angle / TAU).max(0.0);
+        radius / (1.0 - cos * cos).sqrt()
+    }
+}
+
+/// A fixed-gain filter of the position and the velocity of a point that moves evenly (alpha-beta filter, critically damped).
+///
+/// With `s` the smoothing and `r` the error of the predicted position, a measurement after a time `dt` adds `(1 - s^2) r` to the
+/// position and `(1 - s)^2 r / dt` to the velocity.
+///
+/// ```
+/// use motorium_sensors::blob::PointFilter;
+/// use nalgebra::Vector3;
+///
+/// let mut filter = PointFilter::new(0.5);
+/// for step in 0..40 {
+///     let time = 0.03 * f64::from(step);
+///     filter.correct((time * 1e9) as u64, &Vector3::new(0.2 * time, 1.0, 0.0), 1.0);
+/// }
+/// let (position, velocity) = filter.predict(2_000_000_000).unwrap();
+/// assert!((velocity.x - 0.2).abs() < 1e-6 && (position.x - 0.4).abs() < 1e-6);
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct PointFilter {
+    smoothing: f64,
+    state: Option<(u64, Vector3<f64>, Vector3<f64>)>,
+}
+
+impl PointFilter {
+    /// A filter that has seen nothing. `smoothing` from 0, which takes each measurement as it is, to below 1.
+    pub fn new(smoothing: f64) -> Self {
+        Self { smoothing, state: None }
+    }
+
+    /// Takes in a measured position \[m\] of a time \[ns\]. After more than `longest` \[s\] without one it begins anew, at rest.
+    pub fn correct(&mut self, time_ns: u64, measured: &Vector3<f64>, longest: f64) {
+        let since = self.state.map(|(last, ..)| time_ns.saturating_sub(last) as f64 * 1e-9);
+        let predicted = self.predict(time_ns).zip(since.filter(|dt| *dt > 0.0 && *dt <= longest));
+        self.state = Some(match predicted {
+            Some(((position, velocity), dt)) => {
+                let (error, rest) = (measured - position, 1.0 - self.smoothing);
+                let gain = 1.0 - self.smoothing * self.smoothing;
+                (time_ns, position + error * gain, velocity + error * (rest * rest / dt))
+            }
+            None => (time_ns, *measured, Vector3::zeros()),
+        });
+    }
+
+    /// Position \[m\] and velocity \[m/s\] at a time \[ns\]; `None` before the first measurement.
+    pub fn predict(&self, time_ns: u64) -> Option<(Vector3<f64>, Vector3<f64>)> {
+        let (last, position, velocity) = self.state?;
+        // of times that are many and near to each other
+        let dt = time_ns.wrapping_sub(last) as i64 as f64 * 1e-9;
+        Some((position + velocity * dt, velocity))
+    }
+
+    /// Time of the last measurement \[ns\].
+    pub fn last_ns(&self) -> Option<u64> {
+        self.state.map(|(last, ..)| last)
+    }
+
+    /// Forgets everything.
+    pub fn reset(&mut self) {
+        self.state = None;
+    }
+}

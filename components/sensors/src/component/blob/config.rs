@@ -1,0 +1,111 @@
+//! The `config` table of `estimator.blob`.
+
+use motorium::prelude::*;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::super::readings::refused;
+use crate::blob::Hue;
+use crate::channel::SettingError;
+use crate::component::robot::Mount;
+
+/// Configuration of `estimator.blob`.
+///
+/// ```toml
+/// camera = { frame = "panda_hand", position = [0.0, 0.0, 0.1], rpy = [0.0, -1.5708, 0.0] }
+/// colour = [0.9, 0.1, 0.1]
+/// radius = 0.03
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BlobConfig {
+    /// Place of the camera on the robot or in the `world`; it looks along x. Default: the root link.
+    #[serde(default)]
+    pub camera: Mount,
+    /// Colour of the thing: red, green and blue, 0 to 1. Its brightness does not count.
+    pub colour: [f64; 3],
+    /// Largest angle between the levels of a pixel and the colour, both taken as vectors (rad). Default 0.15.
+    #[serde(default = "tolerance")]
+    pub tolerance: f64,
+    /// Least level, 0 to 255, of the brightest channel of a pixel that counts. Default 30.
+    #[serde(default = "least_level")]
+    pub least_level: f64,
+    /// Least number of pixels that are a thing. Default 8.
+    #[serde(default = "least_pixels")]
+    pub least_pixels: u32,
+    /// Radius of the thing, a sphere, from which its distance is found (m). Default: it lies at `distance`.
+    #[serde(default)]
+    pub radius: Option<f64>,
+    /// Distance of a thing of unknown size (m). Default 1.
+    #[serde(default = "distance")]
+    pub distance: f64,
+    /// Smoothing of position and velocity, from 0 (none) to below 1. Default 0.5.
+    #[serde(default = "smoothing")]
+    pub smoothing: f64,
+    /// Time without a sight of the thing after which nothing is published. Default 500 ms.
+    #[serde(default = "lost_after")]
+    pub lost_after: TimeSpan,
+    /// Time for which poses of the camera are kept: the greatest age of a picture. Default 200 ms.
+    #[serde(default = "history")]
+    pub history: TimeSpan,
+    /// Time from the first sight on after which errors count in the result. Default 1 s.
+    #[serde(default = "settle")]
+    pub settle: TimeSpan,
+}
+
+fn tolerance() -> f64 {
+    0.15
+}
+
+fn least_level() -> f64 {
+    30.0
+}
+
+fn least_pixels() -> u32 {
+    8
+}
+
+fn distance() -> f64 {
+    1.0
+}
+
+fn smoothing() -> f64 {
+    0.5
+}
+
+fn lost_after() -> TimeSpan {
+    TimeSpan { ns: 500_000_000 }
+}
+
+fn history() -> TimeSpan {
+    TimeSpan { ns: 200_000_000 }
+}
+
+fn settle() -> TimeSpan {
+    TimeSpan { ns: 1_000_000_000 }
+}
+
+impl BlobConfig {
+    /// The hue, if all numbers are in their ranges.
+    pub(super) fn check(&self) -> Result<Hue, ConfigError> {
+        let length = |setting: &str, value: f64| {
+            let good = value > 0.0 && value <= 1e6;
+            let error = || refused(SettingError::new(setting, value, "a length above 0, up to 1e6 m"));
+            good.then_some(()).ok_or_else(error)
+        };
+        self.radius.map_or(Ok(()), |radius| length("radius", radius))?;
+        length("distance", self.distance)?;
+        if !(0.0..1.0).contains(&self.smoothing) {
+            return Err(refused(SettingError::new(
+                "smoothing",
+                self.smoothing,
+                "a number from 0 to below 1",
+            )));
+        }
+        if self.history.ns > 10_000_000_000 {
+            let message = format!("{}: expected at most 10 s", self.history);
+            return Err(ConfigError::key("history", message));
+        }
+        Hue::new(self.colour, self.tolerance, self.least_level).map_err(refused)
+    }
+}

@@ -1,0 +1,81 @@
+//! The poses of a camera in the last moments.
+
+use std::time::Duration;
+
+use nalgebra::Isometry3;
+
+/// The most poses that are kept.
+const MOST: usize = 1 << 14;
+
+/// Poses of a camera with their times, a ring.
+#[derive(Debug)]
+pub(super) struct PoseHistory {
+    poses: Vec<(u64, Isometry3<f64>)>,
+    newest: usize,
+    count: usize,
+}
+
+impl PoseHistory {
+    /// Room for the poses of a time that are taken once a period.
+    pub(super) fn new(span: Duration, period: Duration) -> Self {
+        let count = span.as_nanos() / period.as_nanos().max(1) + 2;
+        let room = usize::try_from(count).unwrap_or(MOST).min(MOST);
+        Self { poses: vec![(0, Isometry3::identity()); room], newest: 0, count: 0 }
+    }
+
+    /// Takes in the pose of a time \[ns\] after all others, or the newest one anew. With an earlier time it begins afresh.
+    pub(super) fn push(&mut self, time_ns: u64, pose: Isometry3<f64>) {
+        let last = (self.count > 0).then(|| self.poses[self.newest].0);
+        if last == Some(time_ns) {
+            self.poses[self.newest].1 = pose;
+            return;
+        }
+        if last.is_some_and(|last| time_ns < last) {
+            self.clear();
+        }
+        self.newest = (self.newest + 1) % self.poses.len();
+        self.poses[self.newest] = (time_ns, pose);
+        self.count = (self.count + 1).min(self.poses.len());
+    }
+
+    /// The pose at a time, between those before and after it; after the newest one that. `None` if it lies before all.
+    pub(super) fn at(&self, time_ns: u64) -> Option<Isometry3<f64>> {
+        let room = self.poses.len();
+        let mut after: Option<(u64, Isometry3<f64>)> = None;
+        for age in 0..self.count {
+            let (time, pose) = self.poses[(self.newest + room - age) % room];
+            if time <= time_ns {
+                let Some((next, later)) = after else { return Some(pose) };
+                let share = (time_ns - time) as f64 / (next - time) as f64;
+                return Some(pose.try_lerp_slerp(&later, share, 1e-9).unwrap_or(later));
+            }
+            after = Some((time, pose));
+        }
+        None
+    }
+
+    /// Forgets every pose.
+    pub(super) fn clear(&mut self) {
+        self.count = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_between_two_lies_between_them_and_one_before_all_is_not_known() {
+        let mut history = PoseHistory::new(Duration::from_millis(3), Duration::from_millis(1));
+        assert!(history.at(5).is_none());
+        for time in 1..20_u64 {
+            history.push(1000 * time, Isometry3::translation(time as f64, 0.0, 0.0));
+        }
+        let x = |time| history.at(time).map(|pose| pose.translation.x);
+        assert_eq!((x(17_250), x(18_000), x(50_000)), (Some(17.25), Some(18.0), Some(19.0)));
+        assert_eq!(x(14_999), None, "of 5 poses the oldest is that of 15");
+        assert_eq!(x(15_000), Some(15.0));
+        history.push(10, Isometry3::identity());
+        assert_eq!((history.at(9), history.at(18_000)), (None, Some(Isometry3::identity())));
+    }
+}

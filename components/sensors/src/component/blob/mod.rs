@@ -1,0 +1,184 @@
+//! `estimator.blob`: the place of a thing of one colour, from the pictures of a camera.
+
+mod config;
+mod history;
+
+use motorium::component::RunClock;
+use motorium::prelude::*;
+use motorium::state::ImageInfo;
+use motorium::transport::SliceInput;
+use nalgebra::Vector3;
+
+use super::robot::{Needs, TrueMotion};
+use crate::blob::{Blob, Hue, PointFilter};
+use crate::pinhole::Pinhole;
+pub use config::BlobConfig;
+use history::PoseHistory;
+
+/// Pictures that may wait for the component.
+const PICTURES: usize = 2;
+
+/// A component that finds the thing in each picture and publishes where it is in the world, at its own rate.
+///
+/// A picture is old when it comes. So the pose of the camera is looked up at the time of the exposure, and the position is told
+/// as it is expected at the time of the step, with its velocity.
+pub struct BlobEstimator {
+    motion: TrueMotion,
+    history: PoseHistory,
+    image: SliceInput<u8>,
+    info: Input<ImageInfo>,
+    target: Output<PoseTarget>,
+    config: BlobConfig,
+    hue: Hue,
+    filter: PointFilter,
+    clock: RunClock,
+    counts: Counts,
+}
+
+/// What has been seen.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counts {
+    pictures: u64,
+    seen: u64,
+    /// Pictures of a time of which the pose of the camera is not known.
+    unplaced: u64,
+    /// Distances from the optical axis, pixels: of the last picture, and since the thing has settled in the middle.
+    last: Option<f64>,
+    sum: f64,
+    worst: f64,
+    scored: u64,
+    distance: Option<f64>,
+    /// Time of the first picture, ns.
+    since: Option<u64>,
+}
+
+impl Component for BlobEstimator {
+    const KIND: &'static str = "estimator.blob";
+    const SUMMARY: &'static str = "place of a thing of one colour, from the pictures of a camera";
+    const RESETS: bool = true;
+    type Config = BlobConfig;
+
+    fn declare(config: &BlobConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        config.check()?;
+        TrueMotion::declare(&config.camera, Needs::Measured, declare)?;
+        let doc = "pictures: red, green and blue, a byte each";
+        declare.slice_input::<u8>("image", PICTURES, doc);
+        declare.input::<ImageInfo>("info", "form of the pictures");
+        declare.output::<PoseTarget>("target", "position and velocity of the thing in the world");
+        Ok(())
+    }
+
+    fn configure(config: BlobConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let hue = config.check()?;
+        Ok(Self {
+            motion: TrueMotion::open(&config.camera, Needs::Measured, setup)?,
+            history: PoseHistory::new(config.history.into(), setup.period()),
+            image: setup.slice_input("image")?,
+            info: setup.input("info")?,
+            target: setup.output("target")?,
+            hue,
+            filter: PointFilter::new(config.smoothing),
+            clock: setup.clock(),
+            counts: Counts::default(),
+            config,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        let Self { motion, history, image, info, config, hue, filter, counts, .. } = self;
+        if !motion.is_still()
+            && let Some(motion) = motion.newest()?
+        {
+            history.push(motion.times.source, motion.pose);
+        }
+        let still = motion.is_still().then(|| motion.pose());
+        let longest = config.lost_after.ns as f64 * 1e-9;
+        while let Some((stamp, pixels)) = image.next_unread() {
+            let Some(info) = info.latest() else { continue };
+            if info.encoding != ImageInfo::RGB_8 || info.focal_length.iter().any(|length| *length <= 0.0) {
+                return Err(StepError::failed(
+                    "the pictures are not of red, green and blue with a known focal length",
+                ));
+            }
+            counts.pictures += 1;
+            let camera = Pinhole {
+                width: info.width,
+                height: info.height,
+                focal_length: info.focal_length,
+                principal_point: info.principal_point,
+            };
+            let blob = Blob::find(hue, &camera, pixels, info.stride as usize, config.least_pixels);
+            let Some(blob) = blob else { continue };
+            counts.seen += 1;
+            counts.score(&blob, &camera, tick.time_ns, config.settle.ns);
+            let Some(pose) = still.or_else(|| history.at(stamp.source_time)) else {
+                counts.unplaced += 1;
+                continue;
+            };
+            let distance = match config.radius {
+                Some(radius) if !blob.on_edge => blob.distance_of_sphere(radius),
+                // of a thing that is cut off, or of unknown size
+                _ => counts.distance.filter(|_| config.radius.is_some()).unwrap_or(config.distance),
+            };
+            counts.distance = Some(distance);
+            let place = pose * nalgebra::Point3::from(blob.direction.scale(distance));
+            filter.correct(stamp.source_time, &place.coords, longest);
+        }
+        let now = self.clock.stamp_ns(tick.time_ns);
+        self.publish(now)
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.motion.reset();
+        self.history.clear();
+        self.filter.reset();
+        self.counts = Counts::default();
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let Counts { pictures, seen, unplaced, last, sum, worst, scored, distance, .. } = self.counts;
+        Some(serde_json::json!({
+            "pictures": pictures,
+            "seen": seen,
+            "unplaced": unplaced,
+            "distance_m": distance,
+            "error_px": last,
+            "mean_error_px": (scored > 0).then(|| sum / scored as f64),
+            "worst_error_px": (scored > 0).then_some(worst),
+        }))
+    }
+}
+
+impl BlobEstimator {
+    /// Publishes where the thing is now, unless it was not seen for too long.
+    fn publish(&mut self, now: u64) -> Result<(), StepError> {
+        let seen =
+            self.filter.last_ns().filter(|last| now.saturating_sub(*last) <= self.config.lost_after.ns);
+        let Some((seen, (position, velocity))) = seen.zip(self.filter.predict(now)) else { return Ok(()) };
+        let mut target = self.target.loan()?;
+        *target = PoseTarget {
+            position: position.into(),
+            orientation: [0.0, 0.0, 0.0, 1.0],
+            linear_velocity: velocity.into(),
+            ..PoseTarget::default()
+        };
+        target.publish_from(seen)
+    }
+}
+
+impl Counts {
+    /// Notes how far from the optical axis the thing is seen.
+    fn score(&mut self, blob: &Blob, camera: &Pinhole, now: u64, settle_ns: u64) {
+        let since = *self.since.get_or_insert(now);
+        let Some([column, row]) = camera.project(&Vector3::from(*blob.direction)) else { return };
+        let [x, y] = camera.principal_point;
+        let error = (column - x).hypot(row - y);
+        self.last = Some(error);
+        if now.saturating_sub(since) >= settle_ns {
+            self.sum += error;
+            self.worst = self.worst.max(error);
+            self.scored += 1;
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! `sensor.camera`: pictures in colour.
+
+use motorium::prelude::*;
+use motorium::state::ImageInfo;
+use motorium::transport::SliceOutput;
+use motorium_robots::{Colour, RayScene, World};
+use nalgebra::Isometry3;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::super::readings::refused;
+use super::depth_camera::{MOST_PIXELS, PICTURES};
+use super::{Common, Looks, Mount, RangeSensor, Timing};
+use crate::pinhole::Pinhole;
+use crate::rendering::{PixelNoise, PixelSensor, Renderer};
+
+/// Configuration of `sensor.camera`. The default is an ideal camera of 160 x 120 pixels at the root link that looks along its x.
+///
+/// ```toml
+/// mount         = { frame = "panda_hand", position = [0.05, 0.0, 0.0], rpy = [0.0, -1.5708, 0.0] }
+/// field_of_view = 1.2
+/// noise         = { full_well = 10000.0, read_noise = 1.0 }
+/// latency       = "33 ms"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct CameraConfig {
+    /// Place of the camera on the robot or in the `world`: it looks along x, the left of the picture is along y, its top along z.
+    /// Default: the root link.
+    pub mount: Mount,
+    /// Ground, objects and their looks, in a graph without a `[world]`.
+    pub world: World,
+    /// True if the robot is in the picture, too. Default true.
+    pub sees_robot: bool,
+    /// Pixels of a row. Default 160.
+    pub width: u32,
+    /// Rows. Default 120.
+    pub height: u32,
+    /// Angle between the left and the right edge of the picture (rad). Default 1.0472, which is 60 degrees.
+    pub field_of_view: Option<f64>,
+    /// Angle between the top and the bottom edge of the picture (rad), instead of `field_of_view`.
+    pub vertical_field_of_view: Option<f64>,
+    /// Focal lengths and the place of the optical axis, instead of an angle.
+    pub intrinsics: Option<Intrinsics>,
+    /// The greatest distance at which something is seen (m). Default 100.
+    pub most: f64,
+    /// Errors of the pixels.
+    pub noise: PixelNoise,
+    /// Time from exposure until the picture is available. Default none.
+    pub latency: TimeSpan,
+    /// Share of the pictures that are not published, 0 to 1. Default 0.
+    pub drop_out: f64,
+    /// Seed of the noise. Default: from the seed of the run and the name of the component.
+    pub seed: Option<u64>,
+}
+
+/// Focal lengths and optical axis of a camera, as a calibration gives them.
+///
+/// ```toml
+/// fx = 138.6
+/// fy = 138.6
+/// cx = 79.5
+/// cy = 59.5
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Intrinsics {
+    /// Focal length along the rows (pixels).
+    pub fx: f64,
+    /// Focal length along the columns (pixels).
+    pub fy: f64,
+    /// Column of the optical axis, from the middle of the left one (pixels).
+    pub cx: f64,
+    /// Row of the optical axis, from the middle of the top one (pixels).
+    pub cy: f64,
+}
+
+impl Default for CameraConfig {
+    fn default() -> Self {
+        Self {
+            mount: Mount::default(),
+            world: World::default(),
+            sees_robot: true,
+            width: 160,
+            height: 120,
+            field_of_view: None,
+            vertical_field_of_view: None,
+            intrinsics: None,
+            most: 100.0,
+            noise: PixelNoise::default(),
+            latency: TimeSpan { ns: 0 },
+            drop_out: 0.0,
+            seed: None,
+        }
+    }
+}
+
+impl CameraConfig {
+    fn pinhole(&self) -> Result<Pinhole, ConfigError> {
+        let Self { width, height, field_of_view, vertical_field_of_view, intrinsics, .. } = *self;
+        let pixels = u64::from(width) * u64::from(height);
+        if !(1..=MOST_PIXELS).contains(&pixels) {
+            let message = format!("{width} x {height} pixels, expected 1 to {MOST_PIXELS} in all");
+            return Err(ConfigError::key("width", message));
+        }
+        for (key, angle) in
+            [("field_of_view", field_of_view), ("vertical_field_of_view", vertical_field_of_view)]
+        {
+            if let Some(angle) = angle.filter(|angle| !(*angle > 0.0 && *angle < 3.0)) {
+                let message = format!("{angle}: expected an angle above 0 and below 3 rad");
+                return Err(ConfigError::key(key, message));
+            }
+        }
+        match (field_of_view, vertical_field_of_view, intrinsics) {
+            (None, None, None) => Ok(Pinhole::new(width, height, std::f64::consts::FRAC_PI_3)),
+            (Some(angle), None, None) => Ok(Pinhole::new(width, height, angle)),
+            (None, Some(angle), None) => Ok(Pinhole::upright(width, height, angle)),
+            (None, None, Some(Intrinsics { fx, fy, cx, cy })) => {
+                let lengths = [("intrinsics.fx", fx), ("intrinsics.fy", fy)];
+                if let Some((key, length)) =
+                    lengths.into_iter().find(|(_, length)| !(1e-3..=1e6).contains(length))
+                {
+                    return Err(ConfigError::key(key, format!("{length}: expected 0.001 to 1e6 pixels")));
+                }
+                let places = [("intrinsics.cx", cx), ("intrinsics.cy", cy)];
+                if let Some((key, place)) =
+                    places.into_iter().find(|(_, place)| !(-1e6..=1e6).contains(place))
+                {
+                    return Err(ConfigError::key(key, format!("{place}: expected -1e6 to 1e6 pixels")));
+                }
+                Ok(Pinhole { width, height, focal_length: [fx, fy], principal_point: [cx, cy] })
+            }
+            _ => Err(ConfigError::key(
+                "field_of_view",
+                "more than one of `field_of_view`, `vertical_field_of_view` and `intrinsics`",
+            )
+            .advise("keep one of them")),
+        }
+    }
+}
+
+/// `sensor.camera`: pictures in colour. A reading has the levels of each pixel as one number, red + 256 green + 65536 blue.
+pub struct Camera {
+    renderer: Renderer,
+    sensor: PixelSensor,
+    looks: Option<Looks>,
+    picture: Vec<Colour>,
+}
+
+/// The outputs of a camera.
+pub struct CameraOutputs {
+    image: SliceOutput<u8>,
+    info: Output<ImageInfo>,
+}
+
+/// Bytes of a pixel.
+const PIXEL_BYTES: usize = 3;
+
+impl RangeSensor for Camera {
+    const KIND: &'static str = "sensor.camera";
+    const SUMMARY: &'static str = "pictures in colour by rays: light, shadows, shot noise, latency";
+    const SEES_COLOURS: bool = true;
+    type Config = CameraConfig;
+    type Outputs = CameraOutputs;
+
+    fn common(config: &CameraConfig) -> Common<'_> {
+        Common {
+            mount: &config.mount,
+            world: &config.world,
+            sees_robot: config.sees_robot,
+            timing: Timing { latency: config.latency, drop_out: config.drop_out },
+            seed: config.seed,
+        }
+    }
+
+    fn new(config: &CameraConfig, seed: u64) -> Result<Self, ConfigError> {
+        if !(config.most > 0.0 && config.most <= 1e6) {
+            let message = format!("{}: expected a distance above 0, up to 1e6 m", config.most);
+            return Err(ConfigError::key("most", message));
+        }
+        let renderer = Renderer::new(config.pinhole()?, config.most);
+        let sensor = PixelSensor::new(&config.noise, seed).map_err(|error| {
+            let setting = format!("noise.{}", error.setting);
+            refused(crate::channel::SettingError { setting, ..error })
+        })?;
+        let picture = vec![[0.0; 3]; renderer.pixels()];
+        Ok(Self { renderer, sensor, looks: None, picture })
+    }
+
+    fn width(&self) -> usize {
+        self.picture.len()
+    }
+
+    fn declare(&self, declare: &mut Declare) {
+        let doc = "the picture: red, green and blue, a byte each, row by row from the top left corner";
+        declare.slice_output::<u8>("image", self.picture.len() * PIXEL_BYTES, PICTURES, doc);
+        declare.output::<ImageInfo>("info", "form of the pictures");
+    }
+
+    fn open(&self, setup: &mut Setup) -> Result<Self::Outputs, ConfigureError> {
+        Ok(CameraOutputs { image: setup.slice_output("image")?, info: setup.output("info")? })
+    }
+
+    fn dress(&mut self, looks: &Looks) {
+        self.looks = Some(looks.clone());
+    }
+
+    fn read(&mut self, pose: &Isometry3<f64>, scene: &mut RayScene, _: f64, values: &mut [f64]) {
+        let Self { renderer, sensor, looks, picture } = self;
+        let Some(looks) = looks else { return };
+        renderer.render(pose, scene, looks, picture);
+        for (value, colour) in values.iter_mut().zip(picture.iter()) {
+            let [red, green, blue] = sensor.expose(colour);
+            *value = f64::from(u32::from_le_bytes([red, green, blue, 0]));
+        }
+    }
+
+    fn publish(&self, values: &[f64], source: u64, outputs: &mut CameraOutputs) -> Result<(), StepError> {
+        // before the picture, which it tells how to read
+        if outputs.info.is_wired() {
+            let Pinhole { width, height, focal_length, principal_point } = *self.renderer.pinhole();
+            let mut info = outputs.info.loan()?;
+            *info = ImageInfo {
+                width,
+                height,
+                stride: width * PIXEL_BYTES as u32,
+                encoding: ImageInfo::RGB_8,
+                focal_length,
+                principal_point,
+            };
+            info.publish_from(source)?;
+        }
+        let mut image = outputs.image.loan(values.len() * PIXEL_BYTES)?;
+        for (pixel, value) in image.chunks_exact_mut(PIXEL_BYTES).zip(values) {
+            pixel.copy_from_slice(&(*value as u32).to_le_bytes()[..PIXEL_BYTES]);
+        }
+        image.publish_from(source)
+    }
+}

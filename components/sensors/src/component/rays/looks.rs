@@ -1,0 +1,39 @@
+//! The colours of a robot and of the world around it.
+
+use std::collections::BTreeMap;
+
+use motorium::declare::{ConfigError, RobotReference};
+use motorium_robots::{Attachment, BaseMode, CollisionModel, LinkColours, World};
+
+use super::super::robot::load;
+use crate::rendering::{Looks, Paint};
+
+/// The looks of a scene that has the solids of a robot, if they are given, and the world after them.
+pub(super) fn looks(
+    robot: &RobotReference,
+    solids: Option<&CollisionModel>,
+    world: &World,
+) -> Result<Looks, ConfigError> {
+    let mut paints = Vec::new();
+    if let Some(solids) = solids {
+        let text = load(robot, BaseMode::AsFile)?.text().ok().flatten().unwrap_or_default();
+        let colours = LinkColours::of_urdf(&text);
+        let mut used: BTreeMap<&str, usize> = BTreeMap::new();
+        for index in 0..solids.solid_count() {
+            let link = solids.link(index);
+            let place = used.entry(link).or_default();
+            let body = match solids.attachment(index) {
+                Attachment::Body(body) => Some(body),
+                Attachment::Base | Attachment::World => None,
+            };
+            paints.push(Paint::plain(colours.of_shape(link, *place, body)));
+            *place += 1;
+        }
+    }
+    let appearance = &world.appearance;
+    paints.extend(world.objects.iter().map(|object| Paint::plain(appearance.object(object))));
+    let ground = Paint { colour: appearance.ground(), checker: appearance.checker };
+    let grounds = usize::from(world.ground.is_some()) + usize::from(world.terrain.is_some());
+    paints.extend(std::iter::repeat_n(ground, grounds));
+    Ok(Looks { paints: paints.into(), sky: appearance.sky, light: appearance.light })
+}

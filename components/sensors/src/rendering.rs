@@ -1,0 +1,229 @@
+//! Pictures of a scene by rays: matt surfaces in the sun, with shadows, and the errors of a sensor that takes them.
+
+use std::sync::Arc;
+
+use motorium_robots::{Checker, Colour, Light, Ray, RayHit, RayScene};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::channel::SettingError;
+use crate::noise::Noise;
+use crate::pinhole::Pinhole;
+
+/// Number of the noise of pixels among the channels of a seed.
+const PIXELS: u64 = 1 << 22;
+
+/// Distance from a surface at which the ray to the light begins \[m\]: above the rounding of the point.
+const OFF: f64 = 1e-6;
+
+/// The colour of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Paint {
+    /// Red, green and blue, 0 to 1.
+    pub colour: Colour,
+    /// Squares of a second colour in the xy plane of the world.
+    pub checker: Option<Checker>,
+}
+
+impl Paint {
+    /// One colour all over.
+    pub fn plain(colour: Colour) -> Self {
+        Self { colour, checker: None }
+    }
+
+    /// The colour at a point of the world.
+    fn at(&self, point: &Point3<f64>) -> Colour {
+        match self.checker {
+            Some(Checker { side, colour })
+                if ((point.x / side).floor() + (point.y / side).floor()) % 2.0 != 0.0 =>
+            {
+                colour
+            }
+            _ => self.colour,
+        }
+    }
+}
+
+/// The looks of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Looks {
+    /// Paint of each shape of the scene, by its number.
+    pub paints: Arc<[Paint]>,
+    /// Colour where there is nothing.
+    pub sky: Colour,
+    /// The light.
+    pub light: Light,
+}
+
+/// Takes pictures: one ray a pixel through its middle, and one to the light from what it meets.
+///
+/// After construction nothing allocates.
+///
+/// ```
+/// use motorium_robots::{ConvexShape, Light, RayScene, RayShape};
+/// use motorium_sensors::pinhole::Pinhole;
+/// use motorium_sensors::rendering::{Looks, Paint, Renderer};
+/// use nalgebra::Isometry3;
+///
+/// let mut scene = RayScene::default();
+/// let ball = RayShape::new(&ConvexShape::Sphere { radius: 0.2 });
+/// scene.add(ball, &Isometry3::translation(2.0, 0.0, 0.0));
+/// let light = Light { direction: [1.0, 0.0, 0.0], ambient: 0.0, shadows: true };
+/// let looks = Looks { paints: [Paint::plain([1.0, 0.5, 0.0])].into(), sky: [0.0, 0.0, 1.0], light };
+///
+/// let mut renderer = Renderer::new(Pinhole::new(3, 1, 1.0), 100.0);
+/// let mut picture = [[0.0; 3]; 3];
+/// renderer.render(&Isometry3::identity(), &mut scene, &looks, &mut picture);
+/// assert_eq!(picture, [[0.0, 0.0, 1.0], [1.0, 0.5, 0.0], [0.0, 0.0, 1.0]]);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Renderer {
+    pinhole: Pinhole,
+    range: f64,
+    directions: Vec<Unit<Vector3<f64>>>,
+    rays: Vec<Ray>,
+    hits: Vec<Option<RayHit>>,
+    /// Rays to the light.
+    feelers: Vec<Ray>,
+    /// For each of them its pixel, the share of the direct light by Lambert's law and the colour of the surface.
+    lit: Vec<(usize, f64, Colour)>,
+}
+
+impl Renderer {
+    /// A renderer of the pictures of a camera that sees as far as `range` \[m\].
+    pub fn new(pinhole: Pinhole, range: f64) -> Self {
+        let directions: Vec<_> = pinhole.directions().collect();
+        let count = directions.len();
+        let ray = Ray { origin: Point3::origin(), direction: Vector3::x_axis() };
+        Self {
+            pinhole,
+            range,
+            directions,
+            rays: vec![ray; count],
+            hits: vec![None; count],
+            feelers: Vec::with_capacity(count),
+            lit: Vec::with_capacity(count),
+        }
+    }
+
+    /// The camera.
+    pub fn pinhole(&self) -> &Pinhole {
+        &self.pinhole
+    }
+
+    /// Pixels of a picture.
+    pub fn pixels(&self) -> usize {
+        self.directions.len()
+    }
+
+    /// Takes a picture from `pose`, row by row from the top left corner.
+    ///
+    /// # Panics
+    /// When the picture has another number of pixels, or a shape of the scene no paint.
+    pub fn render(
+        &mut self,
+        pose: &Isometry3<f64>,
+        scene: &mut RayScene,
+        looks: &Looks,
+        picture: &mut [Colour],
+    ) {
+        assert_eq!(picture.len(), self.directions.len(), "pixels of the picture");
+        let Self { range, directions, rays, hits, feelers, lit, .. } = self;
+        let origin = Point3::from(pose.translation.vector);
+        let turn = pose.rotation.to_rotation_matrix();
+        for (ray, direction) in rays.iter_mut().zip(directions.iter()) {
+            *ray = Ray { origin, direction: turn * direction };
+        }
+        scene.cast_all(rays, *range, hits);
+        let to_light = -Unit::new_normalize(Vector3::from(looks.light.direction));
+        let ambient = looks.light.ambient;
+        feelers.clear();
+        lit.clear();
+        for (index, (hit, pixel)) in hits.iter().zip(picture.iter_mut()).enumerate() {
+            let Some(hit) = hit else {
+                *pixel = looks.sky;
+                continue;
+            };
+            let point = rays[index].at(hit.distance);
+            let colour = looks.paints[hit.target].at(&point);
+            *pixel = colour.map(|part| part * ambient);
+            let share = (1.0 - ambient) * hit.normal.dot(&to_light);
+            if share > 0.0 {
+                feelers.push(Ray { origin: point + hit.normal * OFF, direction: to_light });
+                lit.push((index, share, colour));
+            }
+        }
+        // what the rays of the picture met is known: their places serve those to the light
+        let shaded = &mut hits[..feelers.len()];
+        if looks.light.shadows {
+            scene.cast_all(feelers, *range, shaded);
+        } else {
+            shaded.fill(None);
+        }
+        for ((index, share, colour), shade) in lit.iter().zip(shaded.iter()) {
+            if shade.is_none() {
+                let pixel = &mut picture[*index];
+                pixel.iter_mut().zip(colour).for_each(|(sum, part)| *sum += part * share);
+            }
+        }
+    }
+}
+
+/// The errors of the pixels of a picture. The default is an ideal sensor, whose levels are rounded.
+///
+/// A channel of level `l` (0 to 255) is read as `round(l + sqrt(l 255 / full_well + read_noise^2) n)` with a standard normal `n` of
+/// its own: shot noise, by which the number of electrons varies as its square root, and the noise of the amplifier.
+///
+/// ```toml
+/// full_well  = 10000.0
+/// read_noise = 1.0
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PixelNoise {
+    /// Electrons of a pixel at level 255. Default: so many that there is no shot noise.
+    pub full_well: Option<f64>,
+    /// Standard deviation in the dark, levels. Default 0.
+    #[schemars(range(min = 0.0))]
+    pub read_noise: f64,
+}
+
+/// A sensor of pixels: its noise, drawn from a seed.
+#[derive(Clone, Debug)]
+pub struct PixelSensor {
+    /// Variance per level, and that in the dark.
+    variance: [f64; 2],
+    draws: Noise,
+}
+
+impl PixelSensor {
+    /// The sensor of a seed.
+    ///
+    /// # Errors
+    /// [`SettingError`]: a number out of its range.
+    pub fn new(noise: &PixelNoise, seed: u64) -> Result<Self, SettingError> {
+        let PixelNoise { full_well, read_noise } = *noise;
+        if let Some(electrons) = full_well.filter(|electrons| !(1.0..=1e9).contains(electrons)) {
+            return Err(SettingError::new("full_well", electrons, "a number of electrons from 1 to 1e9"));
+        }
+        if !(0.0..=255.0).contains(&read_noise) {
+            return Err(SettingError::new("read_noise", read_noise, "levels from 0 to 255"));
+        }
+        let variance = [full_well.map_or(0.0, |electrons| 255.0 / electrons), read_noise * read_noise];
+        Ok(Self { variance, draws: Noise::new(seed, PIXELS) })
+    }
+
+    /// The levels of a colour, 0 to 255.
+    pub fn expose(&mut self, colour: &Colour) -> [u8; 3] {
+        let [per_level, dark] = self.variance;
+        colour.map(|part| {
+            let mut level = 255.0 * part;
+            if per_level + dark > 0.0 {
+                level += (level * per_level + dark).sqrt() * self.draws.normal();
+            }
+            // rounds, and stops at the ends
+            (level + 0.5) as u8
+        })
+    }
+}

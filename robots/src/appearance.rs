@@ -1,0 +1,162 @@
+//! The looks of a world: colours, light, sky.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::nearest::nearest;
+use crate::world::{World, WorldError, check};
+use crate::{Object, urdf};
+
+/// Red, green and blue, 0 to 1 each.
+pub type Colour = [f64; 3];
+
+/// Colour of objects that stand fixed.
+const FIXED: Colour = [0.55, 0.58, 0.62];
+/// Colour of objects that move.
+const FREE: Colour = [0.85, 0.55, 0.2];
+/// Colour of the ground.
+const EARTH: Colour = [0.8, 0.82, 0.84];
+/// Colours of links that state none: the base, then links in turn.
+const PLAIN: [Colour; 3] = [[0.55, 0.57, 0.6], [0.93, 0.93, 0.93], [0.72, 0.77, 0.84]];
+
+/// The looks of a world, for cameras: physics does not depend on them.
+///
+/// ```
+/// use motorium_robots::Appearance;
+///
+/// let text = r#"
+/// colours = { ball = [0.9, 0.1, 0.1], ground = [0.7, 0.7, 0.7] }
+/// checker = { side = 0.25, colour = [0.5, 0.5, 0.5] }
+/// sky     = [0.6, 0.75, 0.95]
+/// light   = { direction = [0.3, 0.4, -1.0], ambient = 0.35 }
+/// "#;
+/// let appearance: Appearance = toml::from_str(text).unwrap();
+/// assert_eq!(appearance.ground(), [0.7; 3]);
+/// assert!(appearance.light.shadows);
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Appearance {
+    /// Colours of objects by their names, of the plane by `ground`, of the terrain by `terrain`: red, green and blue, 0 to 1.
+    /// Default: fixed objects grey, free ones orange, the ground light grey. Links have the colours of their visuals.
+    pub colours: BTreeMap<String, Colour>,
+    /// Squares of a second colour on the ground. Default: none.
+    pub checker: Option<Checker>,
+    /// Colour where there is nothing.
+    pub sky: Colour,
+    /// The light.
+    pub light: Light,
+}
+
+/// Squares on the ground, every second one in a colour of its own. A corner lies at the origin of the world.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Checker {
+    /// Side of a square (m).
+    pub side: f64,
+    /// The second colour: red, green and blue, 0 to 1.
+    pub colour: Colour,
+}
+
+/// Light from far away, as the sun's, and from all sides.
+///
+/// A matt surface of colour `c` with the outward normal `n` is seen as `c (ambient + (1 - ambient) max(0, -n d))`, `d` the
+/// direction of the light (Lambert's law); in a shadow as `c ambient`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Light {
+    /// Direction in which it shines, of any length but 0. Default [0.3, 0.4, -1.0].
+    pub direction: [f64; 3],
+    /// Share of the light that comes from all sides, 0 to 1. Default 0.35.
+    pub ambient: f64,
+    /// True if what stands in the light casts a shadow. Default true.
+    pub shadows: bool,
+}
+
+impl Default for Appearance {
+    fn default() -> Self {
+        Self { colours: BTreeMap::new(), checker: None, sky: [0.65, 0.78, 0.92], light: Light::default() }
+    }
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        Self { direction: [0.3, 0.4, -1.0], ambient: 0.35, shadows: true }
+    }
+}
+
+impl Appearance {
+    /// The colour of an object.
+    pub fn object(&self, object: &Object) -> Colour {
+        let plain = if object.is_dynamic() { FREE } else { FIXED };
+        self.colours.get(&object.name).copied().unwrap_or(plain)
+    }
+
+    /// The colour of the ground, plane or terrain.
+    pub fn ground(&self) -> Colour {
+        let stated = self.colours.get("ground").or_else(|| self.colours.get("terrain"));
+        stated.copied().unwrap_or(EARTH)
+    }
+
+    /// Checks every value, and that what has a colour is there.
+    pub(crate) fn check(&self, world: &World) -> Result<(), WorldError> {
+        let share = |field: &'static str, value: f64| {
+            check("appearance", field, value, (0.0..=1.0).contains(&value), "a number from 0 to 1")
+        };
+        let ground = world.ground.map(|_| "ground");
+        let terrain = world.terrain.as_ref().map(|_| "terrain");
+        let objects = world.objects.iter().map(|object| object.name.as_str());
+        let names: Vec<&str> = objects.chain(ground).chain(terrain).collect();
+        for (name, colour) in &self.colours {
+            if !names.contains(&name.as_str()) {
+                let nearest = nearest(name, names.iter().copied()).map(str::to_owned);
+                return Err(WorldError::NothingToColour { name: name.clone(), nearest });
+            }
+            colour.iter().try_for_each(|value| share("colours", *value))?;
+        }
+        self.sky.iter().try_for_each(|value| share("sky", *value))?;
+        if let Some(Checker { side, colour }) = self.checker {
+            let good = side.is_finite() && side > 0.0;
+            check("appearance", "checker.side", side, good, "a positive number")?;
+            colour.iter().try_for_each(|value| share("checker.colour", *value))?;
+        }
+        let Light { direction, ambient, .. } = self.light;
+        share("light.ambient", ambient)?;
+        let length = direction.iter().map(|part| part * part).sum::<f64>().sqrt();
+        let good = length.is_finite() && length > 1e-9;
+        check("appearance", "light.direction", length, good, "a direction, of a length above 0")
+    }
+}
+
+/// The colours of the links of a robot, as the visuals of its URDF state them.
+///
+/// ```
+/// use motorium_robots::LinkColours;
+///
+/// let urdf = r#"<robot name="r">
+///   <material name="red"><color rgba="1 0 0 1"/></material>
+///   <link name="a"><visual><geometry><sphere radius="1"/></geometry><material name="red"/></visual></link>
+///   <link name="b"/>
+/// </robot>"#;
+/// let colours = LinkColours::of_urdf(urdf);
+/// assert_eq!(colours.of_shape("a", 0, None), [1.0, 0.0, 0.0]);
+/// assert_eq!(colours.of_shape("b", 0, Some(0)), [0.93; 3]);
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct LinkColours(BTreeMap<String, Vec<Option<Colour>>>);
+
+impl LinkColours {
+    /// The colours in the text of a URDF file; none in another text.
+    pub fn of_urdf(text: &str) -> Self {
+        Self(urdf::visual_colours(text))
+    }
+
+    /// The colour of a shape of a link: that of the visual at its `place` among those of the link, else of the last one, else a
+    /// plain one by the moving `body` that the link belongs to; `None` is the base.
+    pub fn of_shape(&self, link: &str, place: usize, body: Option<usize>) -> Colour {
+        let stated = self.0.get(link).and_then(|colours| colours.get(place).or(colours.last()));
+        stated.copied().flatten().unwrap_or(PLAIN[body.map_or(0, |body| 1 + body % 2)])
+    }
+}
