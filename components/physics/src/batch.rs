@@ -2,7 +2,9 @@
 
 use std::thread;
 
-use crate::{BuildError, Engine, JointCommand, ResetError, Simulation, Simulator, StepError, StepReport};
+use crate::{
+    BuildError, Engine, JointCommand, Properties, ResetError, Simulation, Simulator, StepError, StepReport,
+};
 
 /// Many simulations of robots of one kind, stepped together on several threads.
 ///
@@ -162,6 +164,24 @@ impl<E: Engine + Send> Batch<E> {
     /// [`ResetError`]; nothing has changed then.
     pub fn reset(&mut self, world: usize, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         self.worlds[world].reset(q, v)?;
+        self.commands[world * self.drives..][..self.drives].fill(JointCommand::default());
+        self.read(world);
+        Ok(())
+    }
+
+    /// [`reset`](Self::reset) with other physical properties, which stay until the next call.
+    ///
+    /// # Errors
+    ///
+    /// [`ResetError`]; nothing has changed then.
+    pub fn reset_with(
+        &mut self,
+        world: usize,
+        properties: &Properties,
+        q: &[f64],
+        v: &[f64],
+    ) -> Result<(), ResetError> {
+        self.worlds[world].reset_with(properties, q, v)?;
         self.commands[world * self.drives..][..self.drives].fill(JointCommand::default());
         self.read(world);
         Ok(())

@@ -288,3 +288,111 @@ fn ranges_that_cannot_be_are_refused_at_their_place_in_the_file() {
         assert!(error.contains(&format!("randomise.toml:{place}:")), "{ranges}, line {place}: {error}");
     }
 }
+
+#[test]
+fn each_of_several_robots_has_ranges_and_draws_of_its_own() {
+    let text = r#"
+name = "several"
+clock = "lockstep"
+duration = "50 ms"
+seed = 2
+
+[robot.left]
+urdf = "panda"
+base = { position = [0.0, 1.0, 0.0] }
+
+[robot.right]
+urdf = "panda"
+base = { position = [0.0, -1.0, 0.0] }
+
+[component.physics]
+kind = "physics.articulated"
+robots = ["left", "right"]
+rate = "1 kHz"
+publish = { "left.joint_state" = "left/state", "right.joint_state" = "right/state", "right.randomisation" = "right/drawn" }
+subscribe = { "left.joint_command" = "left/command", "right.joint_command" = "right/command" }
+
+[component.physics.config.randomise]
+mass  = [0.9, 1.1]
+start = [-0.1, 0.1]
+robots = { left = { mass = [2.0, 2.0], start = [0.05, 0.05] } }
+
+[component.one]
+kind = "test.driver"
+trigger = "left/state"
+subscribe = { state = "left/state" }
+publish = { command = "left/command" }
+config = { offset = 0.0, until = 0, stiffness = 1.0 }
+
+[component.other]
+kind = "test.driver"
+trigger = "right/state"
+subscribe = { state = "right/state" }
+publish = { command = "right/command" }
+config = { offset = 0.0, until = 0, stiffness = 1.0 }
+"#;
+    let plan = check(text.to_owned()).unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    let report = run(plan, &registry(), &Options::inline(), &mut |_| ()).unwrap();
+    let drawn = &episodes(&report)[0]["robots"];
+    let numbers = |robot: &str, key: &str| -> Vec<f64> {
+        drawn[robot][key].as_object().unwrap().values().map(|value| value.as_f64().unwrap()).collect()
+    };
+    assert_eq!(numbers("left", "mass"), [2.0; 9]);
+    assert_eq!(numbers("left", "start"), [0.05; 8]);
+    let right = numbers("right", "mass");
+    assert!(right.len() == 9 && right.iter().all(|mass| (0.9..=1.1).contains(mass)), "{right:?}");
+    // each stands where its own draws put it: joint 5 of the home pose is at 0
+    let starts = ["one", "other"].map(|driver| report.results[driver]["start"][4].as_f64().unwrap());
+    assert!((starts[0] - 0.05).abs() < 0.01, "{starts:?}");
+    let own = drawn["right"]["start"]["panda_joint5"].as_f64().unwrap();
+    assert!((starts[1] - own).abs() < 0.01, "{starts:?}, {own}");
+    let wrong =
+        text.replace("robots = { left = { mass = [2.0, 2.0]", "robots = { left = { mass = [3.0, 2.0]");
+    let error = check(wrong).map(|_| ()).unwrap_err().render(false);
+    assert!(error.contains("the lowest value stands first") && error.contains("write [2, 3]"), "{error}");
+}
+
+#[test]
+fn a_world_of_a_batch_takes_other_properties_and_the_rest_keep_theirs() {
+    let model = load("rrbot", Path::new(".")).unwrap().model;
+    let (q, v) = (vec![0.3; model.nq()], vec![0.0; model.nv()]);
+    let build = |_| ArticulatedSimulator::new(model.clone(), World::default(), &q, Engine::default());
+    let mut batch = motorium_physics::Batch::new(3, 2, build).unwrap();
+    let mut light = batch.world(1).properties();
+    light.world.gravity = [0.0; 3];
+    batch.reset_with(1, &light, &q, &v).unwrap();
+    assert!(batch.step(1e-3, 50).iter().all(Result::is_ok));
+    assert_eq!(batch.positions(0), batch.positions(2));
+    assert!(batch.velocities(1).iter().all(|v| v.abs() < 1e-9), "{:?}", batch.velocities(1));
+    assert_ne!(batch.positions(0), batch.positions(1));
+}
+
+#[test]
+fn actuators_of_a_graph_change_its_motion_and_bad_ones_are_refused_at_their_place() {
+    let start = "[component.physics.config.randomise]\nstart = [-0.1, 0.1]";
+    let hash = |actuator: &str| run_of("quadruped", &format!("{actuator}\n{start}"), "seed = 3").state_hash;
+    let ideal = hash("");
+    assert_eq!(hash("actuator = {}"), ideal, "all stages left out");
+    assert_ne!(hash("actuator = { lag = \"5 ms\" }"), ideal);
+    assert_ne!(hash("actuators = { front_left_knee = { rate_limit = 10.0 } }"), ideal);
+    for (actuator, expected) in [
+        ("actuator = { lag = \"20 s\" }", "a time from 0 to 10 s"),
+        ("actuator = { rate_limit = 0.0 }", "a positive number"),
+        ("actuator = { envelope = { stall_effort = 1.0 } }", "no_load_velocity"),
+        ("actuators = { nee = {} }", "front_left_knee"),
+        (
+            "actuators = { front_left_knee = { thermal = { continuous_effort = -1.0, time_constant = \"1 s\" } } }",
+            "continuous_effort = -1",
+        ),
+    ] {
+        let text = text("quadruped", actuator, "");
+        let line = text[..text.find(actuator).unwrap()].lines().count() + 1;
+        let error = check(text).map(|_| ()).unwrap_err().render(false);
+        assert!(error.contains(expected), "{actuator}: {error}");
+        assert!(error.contains(&format!("randomise.toml:{line}:")), "{actuator}, line {line}: {error}");
+    }
+    let rapier =
+        text("rrbot", "actuator = { lag = \"1 ms\" }", "").replace("physics.articulated", "physics.rapier");
+    let error = check(rapier).map(|_| ()).unwrap_err().render(false);
+    assert!(error.contains("ideal drives only") && error.contains("lag"), "{error}");
+}

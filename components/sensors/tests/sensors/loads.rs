@@ -222,9 +222,10 @@ fn swing(config: &str, subscribe_randomisation: bool) -> Vec<(f64, f64)> {
         .trigger("rod/state")
         .robot("rod")
         .subscribe("joint_state", "rod/state")
+        .subscribe("contacts", "rod/contacts")
         .publish("measured", "rod/torque");
-    let mut physics = physics;
-    if !config.is_empty() {
+    let mut physics = physics.publish("contacts", "rod/contacts");
+    if config.contains("randomise") {
         physics = physics.publish("randomisation", "rod/drawn");
     }
     if subscribe_randomisation {
@@ -249,6 +250,15 @@ fn swing(config: &str, subscribe_randomisation: bool) -> Vec<(f64, f64)> {
 fn the_torque_that_a_joint_passes_on_is_that_of_its_drive() {
     for (measured, applied) in swing("", false) {
         assert!((measured - applied).abs() < 0.02, "{measured}, {applied} Nm");
+    }
+}
+
+/// What pushes the rod bears its share: the joint passes on no more than its drive gives.
+#[test]
+fn a_push_of_the_graph_is_among_the_forces_that_the_sensor_knows() {
+    let push = "pushes = [{ at = \"100 ms\", duration = \"200 ms\", link = \"tip\", force = [3.0, 0.0, 1.0], torque = [0.0, 0.7, 0.2] }]";
+    for (measured, applied) in swing(push, false) {
+        assert!((measured - applied).abs() < 0.03, "{measured}, {applied} Nm");
     }
 }
 
