@@ -226,4 +226,114 @@ The base: Clearpath Robotics, Ridgeback data sheet (0.96 x 0.793 x 0.296 m, 135 
     )
 
 
-ROBOTS = [iiwa14, ur5e, mobile_manipulator]
+# Joint: place and axes in the link before it, range. Link: mass, centre of mass, inertia (xx, yy, zz, xy, xz, yz), its shape.
+SO101 = [
+    (
+        "shoulder_pan",
+        ((0.0207909, -0.0230745, 0.0948817), (pi, 0, pi / 2), (-1.91986, 1.91986)),
+        ("shoulder_link", 0.100006, (-0.0307604, -1.66727e-05, -0.0252713)),
+        (8.3759e-05, 8.10403e-05, 2.39783e-05, 7.55525e-08, -1.16342e-06, 1.54663e-07),
+        [box((0.045, 0.036, 0.06), at=(-0.03, 0, -0.028), colour="black")],
+    ),
+    (
+        "shoulder_lift",
+        ((-0.0303992, -0.0182778, -0.0542), (-pi / 2, -pi / 2, 0), (-1.74533, 1.74533)),
+        ("upper_arm_link", 0.103, (-0.0898471, -0.00838224, 0.0184089)),
+        (4.08002e-05, 0.000147318, 0.000142487, -1.97819e-05, -4.03016e-08, 8.97326e-09),
+        [box((0.12, 0.035, 0.04), at=(-0.06, -0.008, 0.0184), colour="orange")],
+    ),
+    (
+        "elbow_flex",
+        ((-0.11257, -0.028, 0), (0, 0, pi / 2), (-1.69, 1.69)),
+        ("lower_arm_link", 0.104, (-0.0980701, 0.00324376, 0.0182831)),
+        (2.87438e-05, 0.000159844, 0.00014529, 7.41152e-06, 1.26409e-06, -4.90188e-08),
+        [box((0.125, 0.032, 0.04), at=(-0.068, 0.0035, 0.0183), colour="orange")],
+    ),
+    (
+        "wrist_flex",
+        ((-0.1349, 0.0052, 0), (0, 0, -pi / 2), (-1.65806, 1.65806)),
+        ("wrist_link", 0.079, (-0.000103312, -0.0386143, 0.0281156)),
+        (3.68263e-05, 2.5391e-05, 2.1e-05, 1.7893e-08, -5.28128e-08, 3.6412e-06),
+        [box((0.03, 0.046, 0.045), at=(0, -0.034, 0.022), colour="black")],
+    ),
+    (
+        "wrist_roll",
+        ((0, -0.0611, 0.0181), (pi / 2, 0, pi), (-2.79253, 2.79253)),
+        ("gripper_link", 0.087, (0.000213627, 0.000245138, -0.025187)),
+        (2.75087e-05, 4.33657e-05, 3.45059e-05, -3.35241e-07, -5.7352e-06, -5.17847e-08),
+        [
+            box((0.05, 0.032, 0.045), at=(0, 0, -0.0235), colour="orange"),
+            box((0.012, 0.025, 0.055), at=(-0.014, 0, -0.0735), colour="orange"),
+        ],
+    ),
+    (
+        "gripper",
+        ((0.0202, 0.0188, -0.0234), (pi / 2, 0, 0), (-0.174533, 1.74533)),
+        ("jaw_link", 0.012, (-0.00157495, -0.0300244, 0.0192755)),
+        (6.61427e-06, 1.89032e-06, 5.28738e-06, -3.19807e-07, -5.90717e-09, -1.09945e-07),
+        [box((0.012, 0.075, 0.022), at=(-0.002, -0.036, 0.0189), colour="orange")],
+    ),
+]
+
+
+def so101():
+    robot = Robot(
+        "so101",
+        """
+SO-101, the arm of six serial servos that hobbyists print.
+
+Places of the joints, ranges, masses, centres of mass and moments of inertia: The Robot Studio, SO-ARM100, Simulation/SO101,
+  so101_new_calib.urdf. Zero is the middle of the range that a servo is calibrated to.
+Torque and speed: Feetech, STS3215 of 7.4 V with a gear of 1:345 (19.5 kg cm, 0.222 s for 60 degrees).
+Damping of the joints, and the stiffness of the servos in the profile: joints_properties.xml of the same folder.
+Geometry: boxes that cover the arm roughly; visual and collision are the same.
+""",
+    )
+
+    def tensor(xx, yy, zz, xy, xz, yz):
+        return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+
+    robot.link(
+        "base_link",
+        box((0.06, 0.09, 0.07), at=(0.0207, 0.005, 0.035), colour="orange"),
+        published=(
+            0.147,
+            (0.020739, 0.00204287, 0.065966),
+            tensor(0.000136117, 0.000114686, 0.000130364, 4.59787e-07, 9.75275e-08, -4.97151e-06),
+        ),
+    )
+    parent = "base_link"
+    for name, (at, rpy, (lower, upper)), (link, mass, com), moments, solids in SO101:
+        robot.joint(
+            name,
+            "revolute",
+            parent,
+            link,
+            at=at,
+            rpy=rpy,
+            lower=lower,
+            upper=upper,
+            velocity=4.717,
+            effort=1.912,
+            damping=0.6,
+        )
+        parent = robot.link(link, *solids, published=(mass, com, tensor(*moments)))
+    robot.frame("gripper_frame", "gripper_link", at=(-0.0079, -0.000218121, -0.0981274), rpy=(pi / 2, 0, pi / 2))
+    joints = [row[0] for row in SO101]
+    return robot, Profile(
+        title="SO-101: a printed arm of six serial servos",
+        sources=[
+            "The Robot Studio: SO-ARM100, Simulation/SO101 (places, ranges, masses, inertias, damping, stiffness)",
+            "Feetech: STS3215 of 7.4 V, gear 1:345 (torque, speed)",
+        ],
+        home="middle",
+        poses={
+            "middle": {},
+            "reach": {"shoulder_lift": 0.6, "elbow_flex": -0.5, "wrist_flex": 0.4, "gripper": 0.6},
+        },
+        stiffness={joint: 17.8 for joint in joints},
+        end_effectors={"gripper": {"frame": "gripper_frame", "joints": joints[:5], "fingers": ["gripper"]}},
+    )
+
+
+ROBOTS = [iiwa14, ur5e, mobile_manipulator, so101]

@@ -46,6 +46,7 @@ static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| {
         entry!("quadrotor"),
         entry!("quadruped"),
         entry!("rrbot"),
+        entry!("so101"),
         entry!("ur5e"),
     ]
 });

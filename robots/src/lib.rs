@@ -35,6 +35,7 @@
 //! assert!(kinematics.pose(model, tool).translation.z > 0.4);
 //! ```
 
+mod actuator;
 mod algebra;
 mod appearance;
 mod catalogue;
@@ -62,6 +63,7 @@ mod twist;
 mod urdf;
 mod world;
 
+pub use actuator::{Actuator, ActuatorError, ActuatorSettings, Delay, EffortLaw, Envelope, Thermal};
 pub use appearance::{Appearance, Checker, Colour, Light, LinkColours};
 pub use catalogue::{Entry, catalogue};
 pub use dynamics::{
@@ -80,8 +82,9 @@ pub use kinematics::{CentreOfMass, Kinematics, TaskRows};
 pub use load::{BaseMode, LoadError, LoadOptions, Loaded, ProfileChoice, load, load_with};
 pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
 pub use model::{
-    AttachError, Base, Body, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint, JointDynamics,
-    JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape, UnknownFrame,
+    AttachError, Base, Body, BodyFactors, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint,
+    JointDynamics, JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape,
+    UnknownFrame,
 };
 pub use per_joint::{PerJoint, PerJointError};
 pub use postures::Posture;

@@ -1,5 +1,6 @@
 //! The integration tests of the crate as one program. `allocations.rs` is another, for it counts through the allocator.
 
+mod actuators;
 mod axes_near_poles;
 mod bases;
 mod catalogue;

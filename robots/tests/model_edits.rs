@@ -327,3 +327,47 @@ fn faulty_transmissions_are_named() {
         parse_urdf_with(&GEARED.replace(">50<", ">fifty<"), None, &LoadOptions::default()).unwrap_err();
     assert!(error.to_string().starts_with("URDF:1:") && error.to_string().contains("\"fifty\""), "{error}");
 }
+
+/// Every body's inertia is that of the links fixed to it, also after edits of the model.
+#[test]
+fn the_inertias_of_links_make_up_those_of_their_bodies() {
+    use motorium_robots::{BodyFactors, Inertia, catalogue};
+    let whole = |model: &Model, name: &str| {
+        for (index, body) in model.bodies().iter().enumerate() {
+            let links = model.frames().iter().filter(|frame| frame.body == Some(index));
+            let sum =
+                links.fold(Inertia::zero(), |sum, frame| sum.merged(&frame.inertia.moved(&frame.placement)));
+            let near = (sum.mass - body.inertia.mass).abs() < 1e-9
+                && (sum.com * sum.mass - body.inertia.com * body.inertia.mass).norm() < 1e-9
+                && (sum.about_origin() - body.inertia.about_origin()).norm() < 1e-9;
+            assert!(near, "{name}, {}: {sum:?}, {:?}", body.name, body.inertia);
+        }
+        for (index, frame) in model.frames().iter().enumerate() {
+            assert!(frame.parent.is_none_or(|parent| parent < index), "{name}, {}", frame.name);
+            // The link above is on the same body, or on the one that carries it.
+            let above = frame.parent.and_then(|parent| model.frames()[parent].body);
+            let own = frame.body;
+            assert!(own == above || frame.parent.is_some() || frame.body.is_none(), "{name}, {}", frame.name);
+        }
+    };
+    for entry in catalogue() {
+        let model = motorium_robots::load(entry.name, std::path::Path::new(".")).unwrap().model;
+        whole(&model, entry.name);
+        whole(&model.scaled(1.7).unwrap(), entry.name);
+        let factors = vec![BodyFactors { mass: 1.3, ..BodyFactors::default() }; model.bodies().len()];
+        whole(&model.with_factors(0.7, &factors), entry.name);
+        if let Some(joint) = model.joint_names().first() {
+            whole(&model.locked(&[(joint, 0.4)]).unwrap(), entry.name);
+        }
+        if !model.base().floating {
+            let frame = model.frame(&model.frames().last().unwrap().name).unwrap();
+            let tool = motorium_robots::load("planar-3r", std::path::Path::new(".")).unwrap().model;
+            let both = model
+                .attached(frame, &tool, &nalgebra::Isometry3::translation(0.1, 0.0, 0.2), "tool/")
+                .unwrap();
+            whole(&both, entry.name);
+            let carried = both.carried(both.frame("tool/link2").unwrap());
+            assert_eq!(carried.len(), 3, "link2, link3, tip");
+        }
+    }
+}

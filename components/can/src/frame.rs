@@ -1,4 +1,4 @@
-//! Frames of CAN and CAN FD buses.
+//! Frames of CAN and CAN FD buses, and packets of serial lines.
 
 use core::fmt;
 
@@ -61,6 +61,8 @@ pub enum Form {
     Fd,
     /// CAN FD with its data at the higher rate.
     FdFast,
+    /// A packet of a serial line, such as that of servos: up to 64 bytes, head and checksum among them.
+    Packet,
 }
 
 impl Form {
@@ -68,12 +70,12 @@ impl Form {
     pub fn capacity(self) -> usize {
         match self {
             Self::Classic => 8,
-            Self::Fd | Self::FdFast => 64,
+            Self::Fd | Self::FdFast | Self::Packet => 64,
         }
     }
 }
 
-/// A data frame of a CAN or CAN FD bus.
+/// A data frame of a CAN or CAN FD bus, or a packet of a serial line.
 ///
 /// ```
 /// use motorium_can::{Form, Frame, Id};
@@ -100,10 +102,16 @@ impl Frame {
         Self::new(id, Form::Classic, data).expect("at most 8 bytes")
     }
 
+    /// A packet of a serial line, of the device with this number; `None` beyond 64 bytes.
+    pub fn packet(device: u8, bytes: &[u8]) -> Option<Self> {
+        Self::new(Id::Standard(device.into()), Form::Packet, bytes)
+    }
+
     /// A frame of any form; `None` if it cannot have so many bytes. CAN FD knows 0 to 8, 12, 16, 20, 24, 32, 48 and 64.
     pub fn new(id: Id, form: Form, data: &[u8]) -> Option<Self> {
         let length = data.len();
-        let is_length = length <= 8 || matches!(length, 12 | 16 | 20 | 24 | 32 | 48 | 64);
+        let is_length =
+            length <= 8 || form == Form::Packet || matches!(length, 12 | 16 | 20 | 24 | 32 | 48 | 64);
         if length > form.capacity() || !is_length {
             return None;
         }

@@ -1,8 +1,9 @@
 //! Drives on CAN buses.
 //!
 //! [`drives`] holds the protocols as pure codecs, [`bus`] the buses: the bits of frames and their times, a simulated one with
-//! arbitration and error states, those of the kernel ([`SocketBus`]), and those behind serial adapters ([`SlcanBus`]). A [`Table`] says which drive moves which joint; [`Adapter`] is the logic that commands
-//! them, [`SimulatedDrive`] their counterpart. All that is a plain library, usable without the runtime.
+//! arbitration and error states, those of the kernel ([`SocketBus`]), those behind serial adapters ([`SlcanBus`]), and lines of
+//! serial servos ([`ServoBus`]). A [`Table`] says which drive moves which joint; [`Adapter`] is the logic that commands
+//! them, [`AnySimulatedDrive`] their counterpart. All that is a plain library, usable without the runtime.
 //!
 //! [`CanAdapter`] (`can.adapter`) and [`DriveSimulation`] (`can.drive_sim`) are the components of a graph; they alone know the
 //! runtime.
@@ -23,6 +24,7 @@ pub use bus::bits::{Bits, Rates};
 pub use bus::budget::{Budget, Shape};
 pub use bus::real::RealBus;
 pub use bus::report::{ErrorState, Report};
+pub use bus::servo_line::ServoBus;
 pub use bus::simulated::SimulatedBus;
 pub use bus::slcan::SlcanBus;
 pub use bus::socket::{Condition, Interface, OpenError, SocketBus, SocketCounts};
@@ -32,9 +34,12 @@ pub use component::{
 };
 pub use database::{Database, DatabaseError, Decoded, SignalValue};
 pub use drives::range::Range;
-pub use drives::{cia402, damiao, mit, moteus, odrive, servo};
+pub use drives::{cia402, damiao, feetech, mit, moteus, odrive, servo};
 pub use frame::{DecodeError, Form, Frame, Id};
 pub use scan::{Device, DeviceKind, Found, scan};
-pub use simulated_drive::SimulatedDrive;
-pub use table::{BusEntry, DriveEntry, Protocol, RangeEntry, Table, TableError, Transmission};
+pub use simulated_drive::{AnySimulatedDrive, Overrides, SimulatedDrive};
+pub use table::{
+    BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry, Table, TableError,
+    Transmission,
+};
 pub use traffic::{Listener, Record, RecordError, Sender};

@@ -1,9 +1,9 @@
 //! Errors and warnings of setting up a simulation.
 
-use motorium_robots::Model;
+use motorium_robots::{ActuatorError, Model};
 
 use crate::joint::JointProperties;
-use crate::{Options, ResetError, WorldError};
+use crate::{LibraryError, Options, ResetError, WorldError};
 
 /// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -23,6 +23,26 @@ pub enum BuildError {
     /// A terrain with the rapier engine.
     #[error("the rapier engine simulates no terrain; use `physics.articulated` (`ArticulatedSimulator`)")]
     Terrain,
+    /// The library of the MuJoCo engine is not there.
+    #[error(transparent)]
+    Library(#[from] LibraryError),
+    /// MuJoCo cannot simulate this robot or world.
+    #[error("MuJoCo refuses the model: {reason}; `physics.articulated` (`ArticulatedSimulator`) may take it")]
+    Refused {
+        /// What MuJoCo says.
+        reason: String,
+    },
+    /// An actuator that is not ideal, with another engine than ours.
+    #[error("this engine simulates ideal drives only; use `physics.articulated` (`ArticulatedSimulator`)")]
+    IdealDrives,
+    /// The settings of an actuator have a mistake.
+    #[error("actuator of joint \"{joint}\": {error}")]
+    Actuator {
+        /// The joint.
+        joint: String,
+        /// The mistake.
+        error: ActuatorError,
+    },
     /// The initial state has a mistake.
     #[error("initial state: {0}")]
     State(#[from] ResetError),

@@ -2,8 +2,9 @@
 
 use motorium_robots::Model;
 
-use crate::JointCommand;
+use crate::properties::Surface;
 use crate::robot::BASE_BOUND;
+use crate::{JointCommand, WorldError};
 
 /// An error of a step. The state is the one before the step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -62,6 +63,12 @@ pub enum StepError {
         /// Its rate of turn \[rad/s\].
         angular: f64,
     },
+    /// More contacts than the MuJoCo engine has room for.
+    #[error(
+        "the contacts of this step do not fit into the memory of MuJoCo; \
+         let fewer objects touch one another, or use `physics.articulated`"
+    )]
+    TooManyContacts,
     /// The pose or velocity of an object is not a number any more.
     #[error(
         "object \"{object}\" has no finite pose after the step: \
@@ -144,6 +151,20 @@ pub enum ResetError {
         /// Velocity given.
         velocity: Vec<f64>,
     },
+    /// The properties of another robot or another world.
+    #[error(
+        "the properties are those of another robot or world; change those that `Simulation::properties` gives"
+    )]
+    Properties,
+    /// A world with a mistake in it.
+    #[error(transparent)]
+    World(WorldError),
+    /// A surface that cannot be.
+    #[error(
+        "the surface of \"{}\" has friction {} and restitution {}: expected a number from 0 up, and one from 0 to 1",
+        .0.name, .0.friction, .0.restitution
+    )]
+    Surface(Surface),
     /// A value is not finite.
     #[error("joint {joint} (\"{name}\") would start at position {position}, velocity {velocity}: not finite")]
     NotFinite {

@@ -2,11 +2,11 @@
 //!
 //! A [`Simulator`] is a robot in a [`World`]. [`ArticulatedSimulator`] moves robots with a fixed or a floating base
 //! by motorium's own dynamics and contact solver; [`RapierSimulator`] moves robots with a fixed base by the rapier
-//! engine. Both share state, commands, limits, collision model and set-up: a [`Simulation`] over an [`Engine`]. A
+//! engine, [`MujocoSimulator`] all of them by the library of MuJoCo, where it is installed. All share state, commands, limits, collision model and set-up: a [`Simulation`] over an [`Engine`]. A
 //! [`Batch`] steps many worlds on all cores. All that is a plain library, usable without the runtime.
 //!
-//! [`ArticulatedPhysics`] (`physics.articulated`) and [`RapierPhysics`] (`physics.rapier`) are the components of a
-//! graph; they alone know the runtime.
+//! [`ArticulatedPhysics`] (`physics.articulated`), [`RapierPhysics`] (`physics.rapier`) and [`MujocoPhysics`]
+//! (`physics.mujoco`) are the components of a graph; they alone know the runtime.
 
 mod articulated;
 mod batch;
@@ -16,7 +16,9 @@ mod component;
 mod contact;
 mod error;
 mod joint;
+mod mujoco;
 mod options;
+mod properties;
 mod rapier;
 mod rays;
 mod robot;
@@ -31,12 +33,16 @@ pub use batch::Batch;
 pub use build::{BuildError, BuildWarning};
 pub use command::JointCommand;
 pub use component::{
-    ArticulatedPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine, PushConfig, RapierPhysics, kinds,
+    ActuatorConfig, ArticulatedPhysics, EnvelopeConfig, Interval, MujocoPhysics, ObjectIntervals,
+    PhysicsComponent, PhysicsConfig, PhysicsEngine, PlaceIntervals, PushConfig, RandomiseConfig,
+    RapierPhysics, RobotIntervals, SurfaceIntervals, ThermalConfig, kinds,
 };
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
 pub use motorium_robots::{Ground, Object, ObjectShape, Terrain, TerrainLayer, World, WorldError};
+pub use mujoco::{LibraryError, Mujoco, MujocoSimulator};
 pub use options::Options;
+pub use properties::{Properties, Surface};
 pub use rapier::{Enclose, Rapier, RapierSimulator};
 pub use robot::{Robot, RobotSetup};
 pub use rotors::RotorDrive;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use motorium_robots::{Kinematics, Loaded, Model, Srdf, UnknownFrame};
+use motorium_robots::{ActuatorSettings, Kinematics, Loaded, Model, Srdf, UnknownFrame};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::joint::JointProperties;
@@ -21,11 +21,14 @@ pub struct RobotSetup {
     pub collision_rules: Srdf,
     /// Coefficients of friction of links whose surface is not as that of the others.
     pub friction: BTreeMap<String, f64>,
+    /// The actuators of the joints, one for each; `None`, and those beyond the end of the list, are ideal.
+    pub actuators: Vec<Option<ActuatorSettings>>,
 }
 
 impl From<Model> for RobotSetup {
     fn from(model: Model) -> Self {
-        Self { model, rotors: Vec::new(), collision_rules: Srdf::default(), friction: BTreeMap::new() }
+        let (rotors, actuators) = (Vec::new(), Vec::new());
+        Self { model, rotors, collision_rules: Srdf::default(), friction: BTreeMap::new(), actuators }
     }
 }
 
@@ -44,7 +47,8 @@ impl RobotSetup {
         };
         let feet = robot.profile.iter().flat_map(|profile| profile.feet.values());
         let friction = feet.filter_map(|foot| Some((foot.frame.clone(), foot.friction?))).collect();
-        Ok(Self { model, rotors, collision_rules: robot.exclusions.clone(), friction })
+        let collision_rules = robot.exclusions.clone();
+        Ok(Self { model, rotors, collision_rules, friction, actuators: Vec::new() })
     }
 }
 
@@ -168,6 +172,16 @@ impl Robot {
         self.commands.fill(JointCommand::default());
         self.refresh();
         Ok(())
+    }
+
+    /// Takes over other inertias, joints and gravity, of a robot of the same structure.
+    pub(crate) fn set_properties(
+        &mut self,
+        model: &Model,
+        joints: Vec<JointProperties>,
+        gravity: Vector3<f64>,
+    ) {
+        (self.model, self.joints, self.gravity) = (model.clone(), joints, gravity);
     }
 
     /// Current state, commands and gravity.

@@ -3,6 +3,7 @@
 use motorium_robots::{FrameId, Model};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
+use crate::properties::Surface;
 use crate::robot::{Robot, RobotSetup, RobotState};
 use crate::{
     BuildError, BuildWarning, Capabilities, Contact, ForeignState, JointCommand, ObjectId, Options, RayHit,
@@ -34,6 +35,16 @@ pub trait Engine: Sized {
         warnings: &mut Vec<BuildWarning>,
     ) -> Result<Self, BuildError>;
 
+    /// The surfaces of all colliders.
+    fn surfaces(&self) -> Vec<Surface>;
+
+    /// Takes over these surfaces, one for each collider, and the inertias and joints of `robot`. [`reset`](Self::reset) follows.
+    fn set_properties(&mut self, robot: &Robot, surfaces: &[Surface]);
+
+    /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, axes of the link\] of a link during the next step, besides
+    /// those applied before.
+    fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]);
+
     /// Starts from the robot's current state, the objects at rest where the world description has them.
     fn reset(&mut self, robot: &Robot, world: &World);
 
@@ -48,7 +59,8 @@ pub trait Engine: Sized {
     fn advance(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError>;
 
     /// Makes the next state of the objects the current one.
-    fn commit(&mut self);
+    /// `robot` is that after the step of `dt` \[s\].
+    fn commit(&mut self, robot: &Robot, dt: f64);
 
     /// Drops the next state: the robot stays in its current one.
     fn discard(&mut self);
@@ -81,8 +93,8 @@ pub trait Engine: Sized {
 
 /// A robot in a world, moved by an engine `E`.
 ///
-/// Use it through its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator) and
-/// [`RapierSimulator`](crate::RapierSimulator), and the trait [`Simulator`].
+/// Use it through its aliases [`ArticulatedSimulator`](crate::ArticulatedSimulator),
+/// [`RapierSimulator`](crate::RapierSimulator) and [`MujocoSimulator`](crate::MujocoSimulator), and the trait [`Simulator`].
 pub struct Simulation<E> {
     pub(crate) robot: Robot,
     pub(crate) engine: E,
@@ -177,7 +189,7 @@ impl<E: Engine> Simulator for Simulation<E> {
         match result {
             Ok(mut report) => {
                 robot.commit();
-                engine.commit();
+                engine.commit(robot, dt);
                 report.overspeed = robot.overspeed();
                 Ok(report)
             }
@@ -254,5 +266,9 @@ impl<E: Engine> Simulator for Simulation<E> {
 
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {
         self.engine.visit_contacts(visit);
+    }
+
+    fn apply_wrench(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>, torque: Vector3<f64>) {
+        self.engine.apply_wrench(&self.robot, link, &point, [force, torque]);
     }
 }

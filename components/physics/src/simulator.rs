@@ -184,6 +184,10 @@ pub trait Simulator {
     /// [`ForeignState`] when a simulator of another engine, robot or world made it; nothing has changed then.
     fn restore(&mut self, state: &SavedState) -> Result<(), ForeignState>;
 
+    /// Applies `force` \[N\] and `torque` \[Nm\], both in world axes, at `point` \[m, axes of the link\] of a link during the next
+    /// step, besides those that have been applied before it. A link that is fixed to the world does not move.
+    fn apply_wrench(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>, torque: Vector3<f64>);
+
     /// The first surface within `range` \[m\] along a ray from `origin` in `direction` (of any length): of the robot, of
     /// an object, of the ground. A ray that starts inside of something does not see it.
     fn cast_ray(&self, origin: Point3<f64>, direction: Vector3<f64>, range: f64) -> Option<RayHit<'_>>;

@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let paints: Vec<Paint> = (0..scene.len()).map(|_| Paint::plain([0.8, 0.5, 0.2])).collect();
     let turn = UnitQuaternion::from_euler_angles(0.0, 0.5, std::f64::consts::PI);
     let pose = Isometry3::from_parts(Vector3::new(1.6, 0.0, 0.9).into(), turn);
-    let mut renderer = Renderer::new(Pinhole::new(160, 120, 1.0472), 100.0);
+    let mut renderer = Renderer::new(Pinhole::new(160, 120, std::f64::consts::FRAC_PI_3), 100.0);
     let mut picture = vec![[0.0; 3]; renderer.pixels()];
     let noise = PixelNoise { full_well: Some(10_000.0), read_noise: 1.0 };
     println!("{} shapes; us per picture: minimum / median / 99 % of {PICTURES}", scene.len());

@@ -3,7 +3,10 @@
 pub mod blob;
 pub mod contact;
 pub mod estimator;
+pub mod force_torque;
 pub mod imu;
+pub mod joint_torque;
+mod loads;
 pub mod merge;
 pub mod place;
 pub mod rays;
@@ -171,6 +174,8 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<merge::JointMerge>(),
         Kind::of::<imu::Imu>(),
         Kind::of::<contact::FootContactSensor>(),
+        Kind::of::<joint_torque::JointTorque>(),
+        Kind::of::<force_torque::ForceTorque>(),
         Kind::of::<estimator::BaseEstimator>(),
         Kind::of::<place::AtPlace<place::Altimeter>>(),
         Kind::of::<place::AtPlace<place::Magnetometer>>(),

@@ -75,6 +75,11 @@ impl ImuModel {
         })
     }
 
+    /// Sets the acceleration of free fall in the world \[m/s2\].
+    pub fn set_gravity(&mut self, gravity: Vector3<f64>) {
+        self.gravity = gravity;
+    }
+
     /// The reading of the interval since the last sample; `None` for the first one, and for one that does not lie after
     /// the last: the motion then begins anew.
     pub fn sample(&mut self, time_ns: u64, motion: &SensorMotion) -> Option<ImuReading> {

@@ -3,14 +3,15 @@
 //! - [`encoder`]: the joint sensors of a robot.
 //! - [`imu`]: gyroscopes and accelerometers. [`contact`]: the contact sensors of feet.
 //! - [`channel`]: the errors of a measured quantity: noise, bias, scale, resolution, range.
+//! - [`loads`]: the wrenches with which links carry one another.
 //! - [`geodesy`]: places on the earth.
 //! - [`ranging`]: rays of sensors of distance, and the errors of what they read.
 //! - [`pinhole`]: cameras without distortion. [`rendering`]: the pictures that they take. [`blob`]: a thing of one colour in them.
 //! - [`delay`]: readings held back until their latency is over.
 //! - [`noise`]: reproducible Gaussian noise.
 //! - [`estimation`]: filters, the base of a legged robot, the Riccati equation.
-//! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.imu`, `sensor.contact`,
-//!   `sensor.altimeter`, `sensor.magnetometer`, `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`,
+//! - [`component`]: the sensors as components of a graph: `sensor.joint_encoder`, `sensor.joint_torque`, `sensor.force_torque`,
+//!   `sensor.imu`, `sensor.contact`, `sensor.altimeter`, `sensor.magnetometer`, `sensor.gps`, `sensor.ray`, `sensor.lidar`, `sensor.height_scan`,
 //!   `sensor.depth_camera`, `sensor.camera`.
 //! - [`component::blob`]: `estimator.blob`, the place of a thing of one colour.
 //! - [`component::estimator`]: `estimator.base`, the state of a legged base.
@@ -46,6 +47,7 @@ pub mod encoder;
 pub mod estimation;
 pub mod geodesy;
 pub mod imu;
+pub mod loads;
 pub mod noise;
 pub mod pinhole;
 pub mod ranging;

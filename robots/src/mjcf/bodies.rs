@@ -31,6 +31,8 @@ pub(super) struct Place<'a> {
     pub(super) class: &'a str,
     /// The element is in the world itself, not in one of its bodies.
     pub(super) top: bool,
+    /// The frame of the body around them, by its index; 0 for the world.
+    pub(super) frame: usize,
 }
 
 pub(super) struct Tree<'b, 'a, 'i> {
@@ -57,8 +59,14 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
             shapes: Vec::new(),
             world_shapes: Vec::new(),
         };
-        let placement = Isometry3::identity();
-        let world = Frame { name: "world".to_owned(), body: None, in_world: false, placement };
+        let world = Frame {
+            name: "world".to_owned(),
+            body: None,
+            in_world: false,
+            placement: Isometry3::identity(),
+            parent: None,
+            inertia: Inertia::zero(),
+        };
         Self {
             geoms,
             base,
@@ -122,9 +130,15 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
                     };
                     if let Some(name) = element.attribute("name") {
                         let (body, in_world) = (place.carrier, place.world && self.base.floating);
-                        let placement = place.within * placement;
-                        self.sites
-                            .push((element, Frame { name: name.to_owned(), body, in_world, placement }));
+                        let frame = Frame {
+                            name: name.to_owned(),
+                            body,
+                            in_world,
+                            placement: place.within * placement,
+                            parent: Some(place.frame),
+                            inertia: Inertia::zero(),
+                        };
+                        self.sites.push((element, frame));
                     }
                 }
                 // Read with their body.
@@ -195,8 +209,9 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
             }
         }
         let in_world = world && self.base.floating;
-        self.frames.push(Frame { name, body: carrier, in_world, placement });
-        let inside = Place { carrier, world, within: placement, class, top: false };
+        let (frame, parent, none) = (self.frames.len(), Some(around.frame), Inertia::zero());
+        self.frames.push(Frame { name, body: carrier, in_world, placement, parent, inertia: none });
+        let inside = Place { carrier, world, within: placement, class, top: false, frame };
         let of_geoms = self.contents(node, &inside)?;
         let mut inertials = node.children().filter(|child| child.has_tag_name("inertial"));
         let stated = inertials.next().map(|inertial| self.inertial(inertial)).transpose()?;
@@ -216,6 +231,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
             }
             _ => of_geoms?,
         };
+        self.frames[frame].inertia = inertia.moved(&placement.inverse());
         let whole = match carrier {
             Some(carrier) => &mut self.bodies[carrier].inertia,
             None if world => {

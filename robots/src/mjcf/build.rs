@@ -14,7 +14,7 @@ use super::joints::SpringDamper;
 use super::sections::{check_options, read_assets, read_exclusions};
 use super::{MjcfRobot, actuators, equality};
 use crate::load::{BaseMode, LoadOptions};
-use crate::{Base, Body, Coordinate, Dynamics, Frame, Inertia, Model, Position, Srdf};
+use crate::{Base, Body, Coordinate, Dynamics, Frame, Model, Position, Srdf};
 
 /// Sections without effect on a model.
 const SKIPPED: [&str; 6] = ["size", "visual", "statistic", "custom", "sensor", "keyframe"];
@@ -52,7 +52,8 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     }
     let sections = |name: &'static str| root.children().filter(move |section| section.has_tag_name(name));
     let mut tree = Tree::new(&geoms);
-    let place = Place { carrier: None, world: true, within: Isometry3::identity(), class: MAIN, top: true };
+    let within = Isometry3::identity();
+    let place = Place { carrier: None, world: true, within, class: MAIN, top: true, frame: 0 };
     for section in sections("worldbody") {
         // Geoms of the world have no mass.
         drop(tree.contents(section, &place)?);
@@ -137,10 +138,10 @@ impl Tree<'_, '_, '_> {
     fn scale_to(&mut self, total: f64) {
         let inertias = || self.bodies.iter().map(|body| &body.inertia).chain([&self.base.inertia]);
         let scale = total / (self.static_mass + inertias().map(|inertia| inertia.mass).sum::<f64>());
-        let base = [&mut self.base.inertia];
-        for inertia in self.bodies.iter_mut().map(|body| &mut body.inertia).chain(base) {
-            *inertia =
-                Inertia { mass: inertia.mass * scale, rotational: inertia.rotational * scale, ..*inertia };
+        let links = self.frames.iter_mut().map(|frame| &mut frame.inertia);
+        let whole = self.bodies.iter_mut().map(|body| &mut body.inertia).chain([&mut self.base.inertia]);
+        for inertia in whole.chain(links) {
+            *inertia = inertia.times(scale);
         }
     }
 }

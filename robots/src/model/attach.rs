@@ -85,14 +85,21 @@ impl Model {
             }
             body
         }));
-        frames.extend(tool.frames.iter().map(|frame| match frame.body {
-            Some(body) => Frame { name: named(&frame.name), body: Some(body + first), ..frame.clone() },
-            None => Frame {
-                name: named(&frame.name),
-                body: carrier.body,
-                in_world: false,
-                placement: at * frame.placement,
-            },
+        let first_frame = frames.len();
+        frames.extend(tool.frames.iter().map(|own| {
+            let name = named(&own.name);
+            let parent = Some(own.parent.map_or(frame.index(), |parent| parent + first_frame));
+            match own.body {
+                Some(body) => Frame { name, body: Some(body + first), parent, ..own.clone() },
+                None => Frame {
+                    name,
+                    body: carrier.body,
+                    in_world: false,
+                    placement: at * own.placement,
+                    parent,
+                    inertia: own.inertia,
+                },
+            }
         }));
         unique("link", frames.iter().map(|frame| &*frame.name))?;
         unique("joint", bodies.iter().map(|body| &*body.joint.name))?;
@@ -121,7 +128,7 @@ impl Model {
             })
             .collect();
         let mut payload = Self::of_frame(name, name);
-        payload.base.inertia = inertia;
+        (payload.base.inertia, payload.frames[0].inertia) = (inertia, inertia);
         payload.base.shapes = shapes;
         self.attached(frame, &payload, &Isometry3::identity(), "")
     }
@@ -185,8 +192,14 @@ impl Model {
             shapes: Vec::new(),
             world_shapes: Vec::new(),
         };
-        let frame =
-            Frame { name: frame.to_owned(), body: None, in_world: false, placement: Isometry3::identity() };
+        let frame = Frame {
+            name: frame.to_owned(),
+            body: None,
+            in_world: false,
+            placement: Isometry3::identity(),
+            parent: None,
+            inertia: Inertia::zero(),
+        };
         Self::new(name.to_owned(), base, Vec::new(), vec![frame])
     }
 }

@@ -2,6 +2,7 @@
 
 use nalgebra::Isometry3;
 
+use super::Inertia;
 use crate::nearest::suggestion;
 
 /// Index of a frame in [`Model::frames`](crate::Model::frames). Look it up once, outside the loop.
@@ -26,6 +27,10 @@ pub struct Frame {
     pub in_world: bool,
     /// The frame in the body frame; in that of the base, or the world's.
     pub placement: Isometry3<f64>,
+    /// The link that carries it by a joint, moving or fixed, by its index among the frames; `None` for a root.
+    pub parent: Option<usize>,
+    /// Inertia of this link alone, in its frame.
+    pub inertia: Inertia,
 }
 
 /// No link has this name.

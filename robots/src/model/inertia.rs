@@ -29,6 +29,12 @@ impl Inertia {
         }
     }
 
+    /// The same shape `factor` times as dense.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
+        Self { mass: self.mass * factor, com: self.com, rotational: self.rotational * factor }
+    }
+
     /// Two bodies welded together, both in the same frame.
     pub fn merged(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;

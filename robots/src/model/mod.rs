@@ -17,7 +17,7 @@ pub use frame::{Frame, FrameId, UnknownFrame};
 pub use inertia::Inertia;
 pub use joint::{Coordinate, Drive, Joint, JointDynamics, JointKind, Limits, SafetyController};
 pub use lock::LockError;
-pub use scale::ScaleError;
+pub use scale::{BodyFactors, ScaleError};
 pub use shape::{Geometry, Shape};
 
 use crate::nearest::nearest;
@@ -193,6 +193,11 @@ impl Model {
         &self.frames
     }
 
+    /// The frames of all links, in their order.
+    pub fn frame_ids(&self) -> impl Iterator<Item = FrameId> + use<> {
+        (0..self.frames.len()).map(FrameId)
+    }
+
     /// The frame of the link `name`.
     ///
     /// # Errors
@@ -204,6 +209,24 @@ impl Model {
             robot: self.name.clone(),
             nearest: nearest(name, self.frames.iter().map(|frame| frame.name.as_str())).map(str::to_owned),
         })
+    }
+
+    /// The frames of a link and of all that it carries, over fixed joints and moving ones, parents before children.
+    ///
+    /// ```
+    /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;
+    /// let hand = panda.carried(panda.frame("panda_hand")?);
+    /// let names: Vec<_> = hand.iter().map(|frame| panda.frames()[frame.index()].name.as_str()).collect();
+    /// assert_eq!(names, ["panda_hand", "panda_leftfinger", "panda_rightfinger"]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn carried(&self, link: FrameId) -> Vec<FrameId> {
+        let mut carried = vec![false; self.frames.len()];
+        carried[link.index()] = true;
+        for (index, frame) in self.frames.iter().enumerate() {
+            carried[index] |= frame.parent.is_some_and(|parent| carried[parent]);
+        }
+        (0..self.frames.len()).filter(|index| carried[*index]).map(FrameId).collect()
     }
 
     /// Lowest positions \[rad or m\], one per independent joint, -inf where there is no limit.

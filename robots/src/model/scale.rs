@@ -9,7 +9,72 @@ use super::{Geometry, Inertia, JointKind, Model, Shape};
 #[error("a robot cannot be scaled by {0}; give a number above 0")]
 pub struct ScaleError(pub f64);
 
+/// Factors of the physical properties of a body and of the joint that moves it. The default changes nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyFactors {
+    /// Of its mass and of its rotational inertia: the same shape of another density.
+    pub mass: f64,
+    /// Of the viscous damping of its joint.
+    pub damping: f64,
+    /// Of the Coulomb friction of its joint.
+    pub friction: f64,
+    /// Of the largest effort of its joint.
+    pub effort_limit: f64,
+}
+
+impl Default for BodyFactors {
+    fn default() -> Self {
+        Self { mass: 1.0, damping: 1.0, friction: 1.0, effort_limit: 1.0 }
+    }
+}
+
+impl BodyFactors {
+    /// True if every factor is a number from zero up.
+    fn is_valid(&self) -> bool {
+        let factors = [self.mass, self.damping, self.friction, self.effort_limit];
+        factors.iter().all(|factor| factor.is_finite() && *factor >= 0.0)
+    }
+}
+
 impl Model {
+    /// The same robot with other masses, joint friction and efforts: `base` is the factor of the mass of the base, `bodies`
+    /// has factors for each of its [`bodies`](Self::bodies). Shapes, centres of mass and ranges of motion stay.
+    ///
+    /// ```
+    /// use motorium_robots::BodyFactors;
+    ///
+    /// let arm = motorium_robots::load("planar-3r", std::path::Path::new("."))?.model;
+    /// let heavy = arm.with_factors(1.0, &[BodyFactors { mass: 2.0, ..BodyFactors::default() }; 3]);
+    /// assert_eq!(heavy.mass(), 2.0 * arm.mass());
+    /// assert_eq!(heavy.effort_limit(), arm.effort_limit());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Panics
+    ///
+    /// `bodies` has another length than the robot has bodies, or a factor is negative or not finite.
+    #[must_use]
+    pub fn with_factors(&self, base: f64, bodies: &[BodyFactors]) -> Self {
+        assert_eq!(bodies.len(), self.bodies.len(), "one set of factors per body");
+        let valid = base.is_finite() && base >= 0.0 && bodies.iter().all(BodyFactors::is_valid);
+        assert!(valid, "factors are numbers from zero up");
+        let (mut new_base, mut new_bodies, mut frames) =
+            (self.base.clone(), self.bodies.clone(), self.frames.clone());
+        new_base.inertia = new_base.inertia.times(base);
+        for (body, factors) in new_bodies.iter_mut().zip(bodies) {
+            body.inertia = body.inertia.times(factors.mass);
+            body.joint.dynamics.damping *= factors.damping;
+            body.joint.dynamics.friction *= factors.friction;
+            let effort = &mut body.joint.limits.effort;
+            // an unlimited effort times nothing is no number
+            *effort = if factors.effort_limit == 0.0 { 0.0 } else { *effort * factors.effort_limit };
+        }
+        for frame in &mut frames {
+            frame.inertia = frame.inertia.times(frame.body.map_or(base, |body| bodies[body].mass));
+        }
+        Self::new(self.name.clone(), new_base, new_bodies, frames)
+    }
+
     /// The robot `scale` times as large, of the same material: lengths times `scale`, masses times its third power,
     /// rotational inertias times its fifth. Limits of prismatic joints, and their speeds, are lengths too; efforts,
     /// speeds of rotation, damping and friction, and rotors stay as they are.
@@ -83,7 +148,10 @@ impl Model {
                 }
             }
         }
-        frames.iter_mut().for_each(|frame| frame.placement = pose(&frame.placement));
+        for frame in &mut frames {
+            frame.placement = pose(&frame.placement);
+            frame.inertia = inertia(&frame.inertia);
+        }
         Ok(Self::new(self.name.clone(), base, bodies, frames))
     }
 

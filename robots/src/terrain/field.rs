@@ -94,6 +94,11 @@ impl HeightField {
         (self.low, self.high)
     }
 
+    /// Corner of least x and y \[m\], and the number of heights along x and y.
+    pub fn grid(&self) -> ([f64; 2], [usize; 2]) {
+        (self.origin, self.count)
+    }
+
     /// Distance of two heights that are side by side \[m\].
     pub fn spacing(&self) -> f64 {
         self.spacing

@@ -36,6 +36,8 @@ pub(crate) fn assemble(
         file,
         packages: &options.packages,
         places: vec![None; robot.links.len()],
+        parents: vec![None; robot.links.len()],
+        of_links: vec![None; robot.links.len()],
         bodies: Vec::new(),
         frames: Vec::new(),
         base: Base {
@@ -50,6 +52,7 @@ pub(crate) fn assemble(
     assembly.add_link(structure.root, None, Isometry3::identity())?;
     let columns = columns(&robot, &structure, &follows);
     for edge in &structure.joints {
+        assembly.parents[edge.child] = Some(edge.parent);
         assembly.add_joint(edge, &columns, &follows)?;
     }
     assembly.warnings.extend(survey.warnings.iter().cloned());
@@ -85,6 +88,10 @@ struct Assembly<'a> {
     packages: &'a PackagePath,
     /// Body and placement in it, for every link added so far.
     places: Vec<Option<(Option<usize>, Isometry3<f64>)>>,
+    /// For every link the one that carries it.
+    parents: Vec<Option<usize>>,
+    /// For every link added so far its frame.
+    of_links: Vec<Option<usize>>,
     bodies: Vec<Body>,
     frames: Vec<Frame>,
     base: Base,
@@ -209,8 +216,11 @@ impl Assembly<'_> {
     ) -> Result<(), UrdfError> {
         let link = &self.robot.links[index];
         self.places[index] = Some((body, placement));
-        self.frames.push(Frame { name: link.name.clone(), body, in_world: false, placement });
         let inertia = inertia::of_link(link, self.survey.links[index], &mut self.warnings)?;
+        let parent = self.parents[index].and_then(|parent| self.of_links[parent]);
+        self.of_links[index] = Some(self.frames.len());
+        let name = link.name.clone();
+        self.frames.push(Frame { name, body, in_world: false, placement, parent, inertia });
         for collision in &link.collision {
             let placement = placement * joints::pose(&collision.origin);
             let geometry = self.geometry(&link.name, &collision.geometry);

@@ -37,6 +37,8 @@ impl CanFrame {
     pub const REMOTE: u32 = 8;
     /// A report of an error of the bus, in the form of Linux.
     pub const ERROR: u32 = 16;
+    /// A packet of a serial line; the identifier is the number of the device that sends it, or that it is for.
+    pub const PACKET: u32 = 32;
 }
 
 crate::state_buffer! {

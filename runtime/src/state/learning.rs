@@ -10,6 +10,8 @@ pub const MAX_WEIGHTS: usize = 4096;
 pub const MAX_OBSERVATION: usize = 512;
 /// The most numbers of one [`Action`].
 pub const MAX_ACTION: usize = 64;
+/// The most numbers of one [`Randomisation`].
+pub const MAX_DRAWN: usize = 512;
 
 counted_buffer! {
     /// A block of parameters of a model: all of them, or one of several blocks.
@@ -118,5 +120,90 @@ impl Reward {
     /// True if this is the last step of its episode.
     pub fn is_last(&self) -> bool {
         self.terminal != 0 || self.truncated != 0
+    }
+}
+
+counted_buffer! {
+    /// The physical properties that a simulation drew for an episode, each with the part that it belongs to.
+    ///
+    /// ```
+    /// use motorium::state::Randomisation;
+    ///
+    /// let mut drawn = Randomisation::default();
+    /// drawn.set_count(1);
+    /// drawn.property_mut()[0] = Randomisation::BODY_MASS;
+    /// (drawn.part_mut()[0], drawn.value_mut()[0]) = (6, 1.04);
+    /// assert_eq!(drawn.find(Randomisation::BODY_MASS, 6), Some(1.04));
+    /// assert_eq!(drawn.find(Randomisation::GRAVITY, 0), None);
+    /// ```
+    pub struct Randomisation as "motorium.Randomisation", at most MAX_DRAWN {
+        plain {
+            /// Index of the episode.
+            episode: u64;
+            /// Seed of the component in this episode: the same one draws the same numbers.
+            seed: u64;
+        }
+        counted {
+            /// Property: one of the constants of this type.
+            property, property_mut: u32;
+            /// The body, joint or object that it belongs to, by its index in the robot or the world; else 0.
+            part, part_mut: u32;
+            /// The number drawn: a factor, a coefficient, or a displacement in m or rad.
+            value, value_mut: f64;
+        }
+    }
+}
+
+impl Randomisation {
+    /// Factor of the acceleration of free fall.
+    pub const GRAVITY: u32 = 1;
+    /// Coefficient of friction of the ground or the terrain.
+    pub const GROUND_FRICTION: u32 = 2;
+    /// Restitution of the ground or the terrain.
+    pub const GROUND_RESTITUTION: u32 = 3;
+    /// Factor of the mass and the inertia of a body of the robot; of its base where the part is [`BASE`](Self::BASE).
+    pub const BODY_MASS: u32 = 4;
+    /// Coefficient of friction of the robot's surface.
+    pub const FRICTION: u32 = 5;
+    /// Restitution of the robot's surface.
+    pub const RESTITUTION: u32 = 6;
+    /// Factor of the viscous damping of a joint.
+    pub const DAMPING: u32 = 7;
+    /// Factor of the Coulomb friction of a joint.
+    pub const JOINT_FRICTION: u32 = 8;
+    /// Factor of the largest effort of a joint.
+    pub const EFFORT_LIMIT: u32 = 9;
+    /// Displacement of the start of a joint, rad or m.
+    pub const START: u32 = 10;
+    /// Displacement of the start of a floating base along x of the world, m.
+    pub const BASE_X: u32 = 11;
+    /// Displacement of the start of a floating base along y of the world, m.
+    pub const BASE_Y: u32 = 12;
+    /// Displacement of the start of a floating base along z of the world, m.
+    pub const BASE_Z: u32 = 13;
+    /// Turn of the start of a floating base about z of the world, rad.
+    pub const BASE_YAW: u32 = 14;
+    /// Factor of the mass and the inertia of an object.
+    pub const OBJECT_MASS: u32 = 15;
+    /// Coefficient of friction of an object.
+    pub const OBJECT_FRICTION: u32 = 16;
+    /// Restitution of an object.
+    pub const OBJECT_RESTITUTION: u32 = 17;
+    /// Displacement of the start of an object along x of the world, m.
+    pub const OBJECT_X: u32 = 18;
+    /// Displacement of the start of an object along y of the world, m.
+    pub const OBJECT_Y: u32 = 19;
+    /// Displacement of the start of an object along z of the world, m.
+    pub const OBJECT_Z: u32 = 20;
+    /// Turn of the start of an object about z of the world, rad.
+    pub const OBJECT_YAW: u32 = 21;
+
+    /// The part of a property of the base of a robot.
+    pub const BASE: u32 = u32::MAX;
+
+    /// The number drawn for a property of a part.
+    pub fn find(&self, property: u32, part: u32) -> Option<f64> {
+        let mut entries = self.property().iter().zip(self.part()).zip(self.value());
+        entries.find(|((p, q), _)| (**p, **q) == (property, part)).map(|(_, value)| *value)
     }
 }

@@ -8,6 +8,7 @@
 
 mod bus;
 mod content;
+mod control;
 mod counted;
 mod decode;
 mod emergency;
@@ -27,13 +28,16 @@ mod stamp;
 
 pub use bus::{BusHealth, CanFrame};
 pub use content::{ContentCheck, ContentDefect, UnknownKind};
+pub use control::{ControlDiagnostics, MAX_ACTIVE, MAX_TASKS};
 pub use decode::{DecodeError, Decoded, Decoder, FieldValue, Number};
 pub use emergency::EmergencyStop;
 pub use encode::{EncodeError, encode};
 pub use field::{Defect, Digest, Field};
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
-pub use learning::{Action, MAX_ACTION, MAX_OBSERVATION, MAX_WEIGHTS, Observation, Reward, Weights};
+pub use learning::{
+    Action, MAX_ACTION, MAX_DRAWN, MAX_OBSERVATION, MAX_WEIGHTS, Observation, Randomisation, Reward, Weights,
+};
 pub use legs::{BaseEstimate, FootContacts, MAX_FEET};
 pub use motion::{BaseState, ImuSample, Odometry, Phase, PoseTarget, TwistTarget, Wrench};
 pub use numbers::{number, numbered};
@@ -177,6 +181,7 @@ mod tests {
     fn every_state_of_the_runtime_is_in_the_list() {
         let sources = [
             include_str!("bus.rs"),
+            include_str!("control.rs"),
             include_str!("emergency.rs"),
             include_str!("joint.rs"),
             include_str!("learning.rs"),

@@ -1,4 +1,4 @@
-//! `graphs/panda-can-sim.toml` as a user runs it: the arm behind simulated buses and drives, in lockstep.
+//! `graphs/panda-can-sim.toml` and `graphs/so101-sim.toml` as a user runs them: arms behind simulated buses and drives, in lockstep.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -52,6 +52,20 @@ fn two_runs_are_the_same_to_the_last_bit_also_with_faults() {
     assert_eq!(one["state_hash"], two["state_hash"]);
     assert_eq!(one["results"]["adapter"]["joints"]["panda_joint4"]["missing_replies"], 2);
     assert_eq!(one["results"]["adapter"]["tripped"], false);
+}
+
+#[test]
+fn the_printed_arm_goes_from_pose_to_pose_by_its_servos_twice_the_same() {
+    let (one, two) = (run("graphs/so101-sim.toml", &[]), run("graphs/so101-sim.toml", &[]));
+    assert!(one["state_hash"].is_string());
+    assert_eq!(one["state_hash"], two["state_hash"]);
+    let (adapter, policy) = (&one["results"]["adapter"], &one["results"]["policy"]);
+    assert_eq!((&adapter["cycles"], &adapter["missing_replies"]), (&Value::from(2000), &Value::from(0)));
+    assert_eq!((&adapter["tripped"], &adapter["refused_frames"]), (&Value::from(false), &Value::from(0)));
+    let joints = adapter["joints"].as_object().expect("a table");
+    assert!(joints.len() == 6 && joints.values().all(|joint| joint["phase"] == "enabled"), "{adapter}");
+    assert_eq!(policy["goals_missed"], 0);
+    assert!(policy["goals_reached"].as_u64().is_some_and(|count| count >= 4), "{policy}");
 }
 
 #[test]

@@ -1,11 +1,12 @@
 //! One drive as the adapter sees it.
 
+use super::dialogue::{Dialogue, Heard, Order};
 use super::{OnTrip, Phase, Setpoint};
 use crate::bus::bits::{Bits, Rates};
-use crate::damiao::{Register, Request, Value};
+use crate::damiao::Register;
 use crate::frame::{DecodeError, Frame};
-use crate::mit::{self, Drive, Instruction, Reply, State};
-use crate::table::{Protocol, Table, Transmission};
+use crate::mit::{self, Ranges, State};
+use crate::table::{Table, Transmission};
 
 /// A setting of a drive that is not that of the table.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -27,6 +28,36 @@ pub enum WrongSetting {
         found: f64,
         /// That of the table.
         expected: f64,
+    },
+    /// The rated torque, of which torques are thousandths, N m.
+    #[error("its rated torque is {found} N m, the table says {expected}")]
+    RatedTorque {
+        /// That of the drive.
+        found: f64,
+        /// That of the table.
+        expected: f64,
+    },
+    /// The operating mode of a servo.
+    #[error("its operating mode is {found}, expected 0, that of positions")]
+    OperatingMode {
+        /// That of the servo.
+        found: u8,
+    },
+    /// The limits of a servo's goals, rad.
+    #[error("its goals end at {:.3} and {:.3} rad, the table has positions up to {expected}", .found[0], .found[1])]
+    Goals {
+        /// Those of the servo.
+        found: [f64; 2],
+        /// The largest position of the table.
+        expected: f64,
+    },
+    /// An object that the drive does not let be set, or does not have.
+    #[error("it refuses the object 0x{index:04X}: code 0x{code:08X}")]
+    Refused {
+        /// The index of the object.
+        index: u16,
+        /// The code of the drive.
+        code: u32,
     },
 }
 
@@ -60,15 +91,16 @@ pub struct Counts {
 /// One drive as the adapter sees it.
 #[derive(Clone, Debug)]
 pub struct Link {
-    pub(super) codec: Drive,
+    pub(super) dialogue: Dialogue,
+    ranges: Ranges,
     pub(super) gear: Transmission,
     pub(super) bus: usize,
-    pub(super) asks: bool,
-    pub(super) watchdog_ns: u64,
     pub(super) phase: Phase,
     /// Damping of its joint when the adapter has tripped.
     pub(super) damping: f64,
     pub(super) setpoint: Setpoint,
+    /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
+    pub(super) asked_by: Option<usize>,
     pub(super) asked: bool,
     pub(super) answered: bool,
     /// It has answered once.
@@ -96,16 +128,16 @@ pub struct Link {
 impl Link {
     /// The link to a drive of a table, with the damping of its joint when the adapter has tripped.
     pub(super) fn new(table: &Table, index: usize, damping: f64) -> Self {
-        let (codec, entry) = (table.drive(index), &table.drives[index]);
+        let (dialogue, entry) = (Dialogue::new(table, index), &table.drives[index]);
         let bus = table.bus_of(entry).unwrap_or(0);
         let mut link = Self {
+            ranges: table.ranges(index),
             gear: table.transmission(index),
             bus,
-            asks: entry.protocol == Protocol::Damiao,
-            watchdog_ns: entry.watchdog.ns,
             phase: Phase::Disabled,
             damping,
             setpoint: Setpoint::default(),
+            asked_by: None,
             asked: false,
             answered: false,
             is_found: false,
@@ -114,7 +146,7 @@ impl Link {
             is_behind: false,
             fresh: false,
             sent_ns: 0,
-            soonest_ns: soonest(&codec, &table.rates(bus)),
+            soonest_ns: soonest(&dialogue, &table.rates(bus)),
             received_ns: None,
             position: 0.0,
             velocity: 0.0,
@@ -123,7 +155,7 @@ impl Link {
             fault: None,
             silent: 0,
             counts: Counts::default(),
-            codec,
+            dialogue,
         };
         link.start();
         link
@@ -176,16 +208,67 @@ impl Link {
 
     /// The first phase: drives that tell their settings are checked.
     pub(super) fn start(&mut self) {
-        self.phase = if self.asks { Phase::Checking(0) } else { Phase::Disabled };
+        self.phase = if self.dialogue.checks() > 0 { Phase::Checking(0) } else { Phase::Disabled };
         (self.fresh, self.fault) = (false, None);
         (self.owed, self.is_probed, self.is_behind) = (0, false, false);
+    }
+
+    /// Takes a frame of it that was received at `time_ns`.
+    ///
+    /// # Errors
+    /// It cannot be decoded.
+    pub(super) fn take(&mut self, frame: &Frame, time_ns: u64) -> Result<Taken, DecodeError> {
+        let checking = match self.phase {
+            Phase::Checking(setting) => Some(setting),
+            _ => None,
+        };
+        let heard = self.dialogue.read(checking, frame)?;
+        self.is_found |= matches!(heard, Heard::Setting(_) | Heard::Feedback(_));
+        Ok(match heard {
+            Heard::Setting(wrong) => {
+                self.answered = true;
+                if let (None, Some(setting)) = (wrong, checking) {
+                    let next = setting + 1;
+                    let is_last = next >= self.dialogue.checks();
+                    self.phase = if is_last { Phase::Disabled } else { Phase::Checking(next) };
+                }
+                Taken { trips: false, wrong }
+            }
+            Heard::State(state) => Taken { trips: self.follow(state), wrong: None },
+            Heard::Aside => Taken::default(),
+            Heard::Feedback(feedback) => {
+                if !self.sort(time_ns) {
+                    return Ok(Taken::default());
+                }
+                self.fresh = true;
+                self.received_ns = Some(time_ns);
+                self.position = self.gear.to_joint(feedback.position);
+                self.velocity = feedback.velocity / self.gear.ratio;
+                self.effort = feedback.torque * self.gear.ratio;
+                self.temperature = feedback.temperature;
+                Taken { trips: self.follow(feedback.state), wrong: None }
+            }
+        })
+    }
+
+    /// True if the answer of this cycle has come; of a drive that reports by itself, if no report is overdue.
+    pub(super) fn has_answered(&self) -> bool {
+        match (self.dialogue.reports_every_ns(), self.received_ns) {
+            (None, _) => self.answered,
+            (Some(_), None) => false,
+            (Some(every_ns), Some(received_ns)) => received_ns + every_ns >= self.sent_ns,
+        }
     }
 
     /// Sorts an answer that was received at `time_ns` into the cycles, and counts it; false for one that is not to be taken.
     ///
     /// Answers carry no number. One that comes sooner than this cycle's frame can have been answered belongs to an earlier
     /// one, and so does the first of two in a cycle after one without.
-    pub(super) fn sort(&mut self, time_ns: u64) -> bool {
+    fn sort(&mut self, time_ns: u64) -> bool {
+        if self.dialogue.reports_every_ns().is_some() {
+            self.answered = true;
+            return true;
+        }
         let is_late = time_ns < self.sent_ns + self.soonest_ns || self.is_behind;
         if is_late {
             self.counts.late += 1;
@@ -226,72 +309,49 @@ impl Link {
     /// Leaves it out of the next cycle, if its answers may come a cycle late: one has not come, and those since are answers
     /// to the frames before just as well.
     pub(super) fn probe(&mut self) {
-        self.is_probed = self.phase == Phase::Enabled && self.owed > 0 && self.silent == 0;
+        let answers = self.dialogue.reports_every_ns().is_none();
+        self.is_probed = answers && self.phase == Phase::Enabled && self.owed > 0 && self.silent == 0;
     }
 
-    /// The frame of this cycle.
-    pub(super) fn frame(&mut self, trip: Option<OnTrip>) -> Frame {
-        let instruction = match (trip, self.phase) {
-            (Some(OnTrip::Disable), _) => Instruction::Disable,
-            // a command of nothing, which is answered
-            (Some(OnTrip::Damp), Phase::Fault) => Instruction::Command(mit::Command::default()),
+    /// What is wanted of it in this cycle.
+    pub(super) fn order(&self, trip: Option<OnTrip>) -> Order {
+        match (trip, self.phase) {
+            (Some(OnTrip::Disable), _) => Order::Disable,
+            (Some(OnTrip::Damp), Phase::Fault) => Order::Rest,
             (Some(OnTrip::Damp), Phase::Enabled) => {
                 self.command(Setpoint { kd: self.damping, ..Setpoint::default() })
             }
-            (_, Phase::Checking(register)) => return self.request(register).frame().in_form(self.codec.form),
-            (_, Phase::Disabled | Phase::Fault) => Instruction::Disable,
-            (Some(_), Phase::Enabling) => Instruction::Disable,
-            (None, Phase::Enabling) => Instruction::Enable,
+            (_, Phase::Checking(setting)) => Order::Check(setting),
+            (_, Phase::Disabled | Phase::Fault) | (Some(_), Phase::Enabling) => Order::Disable,
+            (None, Phase::Enabling) => Order::Enable,
             (None, Phase::Enabled) => self.command(self.setpoint),
-        };
-        self.codec.instruct(&instruction)
+        }
     }
 
-    fn command(&mut self, setpoint: Setpoint) -> Instruction {
+    fn command(&self, setpoint: Setpoint) -> Order {
         let (ratio, square) = (self.gear.ratio, self.gear.ratio * self.gear.ratio);
-        let command = mit::Command {
+        Order::Follow(mit::Command {
             position: self.gear.to_drive(setpoint.position),
             velocity: setpoint.velocity * ratio,
             kp: setpoint.kp / square,
             kd: setpoint.kd / square,
             torque: setpoint.effort / ratio,
-        };
-        let r = &self.codec.ranges;
+        })
+    }
+
+    /// Enters a command of which a field lies beyond its range.
+    pub(super) fn count_clamped(&mut self, order: &Order) {
+        let Order::Follow(command) = order else { return };
+        let r = &self.ranges;
         let beyond = |x: f64, range: &crate::Range| x < range.min || x > range.max;
-        let holds = setpoint.kp > 0.0 && beyond(command.position, &r.position);
-        let moves = setpoint.kd > 0.0 && beyond(command.velocity, &r.velocity);
-        let gains = beyond(command.kp, &r.kp) || beyond(command.kd, &r.kd);
-        self.counts.clamped += u64::from(holds || moves || gains || beyond(command.torque, &r.torque));
-        Instruction::Command(command)
-    }
-
-    fn request(&self, register: u8) -> Request {
-        let register = Register::CHECKED[usize::from(register) % Register::CHECKED.len()];
-        Request { node: self.codec.node, register }
-    }
-
-    /// An answer about a setting.
-    pub(super) fn check(&mut self, register: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
-        let request = self.request(register);
-        let value = request.value(frame, self.codec.reply_id)?;
-        let next = register + 1;
-        let is_last = usize::from(next) == Register::CHECKED.len();
-        let ranges = &self.codec.ranges;
-        let expected = match request.register {
-            Register::PositionMax => ranges.position.max,
-            Register::VelocityMax => ranges.velocity.max,
-            Register::TorqueMax | Register::Timeout => ranges.torque.max,
-        };
-        let wrong = match value {
-            Value::Watchdog(found) => (found.unwrap_or(0) != self.watchdog_ns)
-                .then_some(WrongSetting::Watchdog { found, expected: self.watchdog_ns }),
-            Value::Range(found) => ((found - expected).abs() > 1e-5 * expected.abs())
-                .then_some(WrongSetting::Range { register: request.register, found, expected }),
-        };
-        if wrong.is_none() {
-            self.phase = if is_last { Phase::Disabled } else { Phase::Checking(next) };
-        }
-        Ok(wrong)
+        let holds = command.kp > 0.0 && beyond(command.position, &r.position);
+        let is_clamped = holds
+            || self.dialogue.takes_gains()
+                && (command.kd > 0.0 && beyond(command.velocity, &r.velocity)
+                    || beyond(command.kp, &r.kp)
+                    || beyond(command.kd, &r.kd)
+                    || beyond(command.torque, &r.torque));
+        self.counts.clamped += u64::from(is_clamped);
     }
 
     /// A state that it reports; whether that trips the adapter.
@@ -318,9 +378,19 @@ impl Link {
     }
 }
 
+/// What follows from a frame.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Taken {
+    /// The adapter trips.
+    pub(super) trips: bool,
+    /// A setting that is not that of the table.
+    pub(super) wrong: Option<WrongSetting>,
+}
+
 /// Shortest time from sending a command to the end of its answer, ns.
-fn soonest(codec: &Drive, rates: &Rates) -> u64 {
-    let bytes = if codec.reply == Reply::MiniCheetah { 6 } else { 8 };
-    let bits = |bytes| Bits::nominal(false, codec.form, bytes).ns(rates);
-    bits(8) + bits(bytes) - Bits { nominal: 3, fast: 0 }.ns(rates)
+fn soonest(dialogue: &Dialogue, rates: &Rates) -> u64 {
+    let (form, command, answer) = dialogue.shortest();
+    let bits = |bytes| Bits::nominal(false, form, bytes).ns(rates);
+    let pause_ns = Bits { nominal: 3, fast: 0 }.ns(rates);
+    (bits(command) + bits(answer)).saturating_sub(pause_ns)
 }

@@ -9,12 +9,14 @@
 //! and answers again, it is left out of one cycle: an answer that comes nevertheless proves it to be a cycle behind, and it
 //! counts as lost. If none comes, the one answer was lost, and the drive goes on.
 
+mod dialogue;
 mod link;
 
 use crate::bus::Received;
+use crate::cia402;
 use crate::frame::{DecodeError, Frame};
-use crate::mit::Reply;
 use crate::table::Table;
+use dialogue::{Dialogue, Order, Servo};
 pub use link::{Counts, Link, WrongSetting};
 
 /// Cycles of silence after which a drive counts as lost.
@@ -120,34 +122,15 @@ impl Adapter {
         let Received { frame, time_ns } = received;
         let mut refused = None;
         for (index, link) in self.links.iter_mut().enumerate() {
-            if link.bus != bus || link.codec.reply_id != frame.id {
+            if link.bus != bus || !link.dialogue.is_from(frame) {
                 continue;
             }
-            let decoded = match link.phase {
-                Phase::Checking(register) => link.check(register, frame).map(|wrong| {
-                    if let Some(wrong) = wrong {
+            match link.take(frame, *time_ns) {
+                Ok(taken) => {
+                    self.tripped |= taken.trips;
+                    if let Some(wrong) = taken.wrong {
                         self.wrong.get_or_insert((index, wrong));
                     }
-                    link.answered = true;
-                    false
-                }),
-                _ => link.codec.reply(frame).map(|feedback| {
-                    if !link.sort(*time_ns) {
-                        return false;
-                    }
-                    link.fresh = true;
-                    link.received_ns = Some(*time_ns);
-                    link.position = link.gear.to_joint(feedback.position);
-                    link.velocity = feedback.velocity / link.gear.ratio;
-                    link.effort = feedback.torque * link.gear.ratio;
-                    link.temperature = feedback.temperature;
-                    link.follow(feedback.state)
-                }),
-            };
-            match decoded {
-                Ok(trips) => {
-                    link.is_found = true;
-                    self.tripped |= trips;
                     return;
                 }
                 Err(DecodeError::Device { .. }) => {}
@@ -165,13 +148,16 @@ impl Adapter {
     pub fn end_cycle(&mut self, counts: bool) {
         self.cycles += 1;
         for link in &mut self.links {
-            let is_missing = link.asked && !link.answered && counts;
+            let is_missing = link.asked && !link.has_answered() && counts;
             // one that has never answered, such as before its power is on, is waited for
             let is_lost = is_missing && link.is_found;
             link.counts.awaited += u64::from(is_missing && !link.is_found);
             link.counts.missing += u64::from(is_lost);
-            link.owed = link.owed.saturating_add(u32::from(is_lost));
-            if !link.is_probed {
+            let answers = link.dialogue.reports_every_ns().is_none();
+            link.owed = link.owed.saturating_add(u32::from(is_lost && answers));
+            // servos of which some are checked are asked in turns
+            let is_due = link.asked || !matches!(link.dialogue, Dialogue::Servo(_));
+            if is_due && !link.is_probed {
                 link.silent = if is_missing { link.silent + 1 } else { 0 };
             }
             if is_missing
@@ -201,13 +187,23 @@ impl Adapter {
 
     /// True if each drive that was asked in this cycle has answered.
     pub fn has_all_answers(&self) -> bool {
-        self.links.iter().all(|link| !link.asked || link.answered)
+        let waits = |link: &Link| link.asked && !link.answered && link.dialogue.reports_every_ns().is_none();
+        !self.links.iter().any(waits)
     }
 
     /// Expects answers on this bus at any time after their commands: frames pass it without bit times.
     pub fn without_bit_times(&mut self, bus: usize) {
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
             link.soonest_ns = 0;
+        }
+    }
+
+    /// Tells drives that interpolate between two commands the time between them. Default 1 ms.
+    pub fn set_cycle(&mut self, cycle_ns: u64) {
+        for link in &mut self.links {
+            if let Dialogue::Cia402(drive) = &mut link.dialogue {
+                drive.set_cycle(cycle_ns);
+            }
         }
     }
 
@@ -238,21 +234,44 @@ impl Adapter {
             }
         }
         let trip = self.tripped.then_some(self.on_trip);
+        if trip.is_none() {
+            self.links.iter_mut().filter(|link| link.bus == bus).for_each(Link::probe);
+        }
+        let (mut is_line, mut is_synchronised) = (false, false);
+        let (before, cycle) = (frames.len(), self.cycles);
         for link in self.links.iter_mut().filter(|link| link.bus == bus) {
-            if trip.is_none() {
-                link.probe();
+            link.asked_by = None;
+            if link.is_probed {
+                continue;
             }
-            if !link.is_probed {
-                frames.push(link.frame(trip));
+            let order = link.order(trip);
+            link.count_clamped(&order);
+            is_line |= matches!(link.dialogue, Dialogue::Servo(_));
+            // service data are answered by themselves
+            let waits = matches!(link.dialogue, Dialogue::Cia402(_)) && !matches!(order, Order::Check(_));
+            is_synchronised |= waits;
+            link.dialogue.write(&order, frames);
+            link.asked_by = Some(if waits { usize::MAX } else { frames.len() - before });
+        }
+        if is_line {
+            Servo::write_line(&mut self.links, bus, trip, cycle, frames);
+        }
+        if is_synchronised {
+            frames.extend([cia402::adapter_heartbeat(), cia402::sync()]);
+            let whole = frames.len() - before;
+            for link in self.links.iter_mut().filter(|link| link.bus == bus) {
+                link.asked_by = link.asked_by.map(|by| by.min(whole));
             }
         }
     }
 
     /// Notes that the first `count` frames of a bus were sent at `now_ns`. Answers that came between two cycles are late.
     pub fn sent(&mut self, bus: usize, count: usize, now_ns: u64) {
-        for link in self.links.iter_mut().filter(|link| link.bus == bus && !link.is_probed).take(count) {
+        let was_asked = |link: &&mut Link| link.bus == bus && link.asked_by.is_some_and(|by| by <= count);
+        for link in self.links.iter_mut().filter(was_asked) {
             // what has come since the last cycle ended answers an earlier frame
-            link.counts.late += u64::from(link.answered);
+            let answers = link.dialogue.reports_every_ns().is_none();
+            link.counts.late += u64::from(link.answered && answers);
             link.owed = link.owed.saturating_sub(u32::from(link.answered));
             (link.asked, link.answered, link.sent_ns) = (true, false, now_ns);
         }
@@ -265,9 +284,10 @@ impl Adapter {
             // one that does not tell its state may have let go meanwhile
             let is_well = link.phase == Phase::Enabled
                 && link.silent == 0
-                && link.codec.reply == Reply::Damiao
+                && link.dialogue.tells_its_state()
                 && self.on_trip == OnTrip::Damp;
             if !is_well {
+                link.dialogue.restart();
                 link.start();
             }
         }

@@ -1,7 +1,7 @@
 //! The bits of a frame on the wire, stuffing included.
 //!
 //! A frame is sent from its start bit to the three bits that keep two frames apart. Within it a bit of the opposite value is
-//! inserted after each five equal ones; in the checksum of CAN FD, at fixed places.
+//! inserted after each five equal ones; in the checksum of CAN FD, at fixed places. A byte of a serial line has ten bits.
 
 use crate::frame::{Form, Frame, Id};
 
@@ -51,6 +51,9 @@ impl Bits {
     pub fn of(frame: &Frame) -> Self {
         let mut wire = Wire::new();
         let data = frame.data();
+        if frame.form == Form::Packet {
+            return Self::nominal(false, frame.form, data.len());
+        }
         match (frame.id, frame.form) {
             (Id::Standard(id), Form::Classic) => {
                 wire.push(u32::from(id), 12); // the start bit is zero
@@ -95,6 +98,9 @@ impl Bits {
     /// The bits of the longest frame of this form with so many bytes, whatever they are.
     pub fn worst(is_extended: bool, form: Form, bytes: usize) -> Self {
         let plain = Self::nominal(is_extended, form, bytes);
+        if form == Form::Packet {
+            return plain;
+        }
         // a bit after the first five equal ones, then after each four
         let stuffed = |bits: u32| (bits - 1) / 4;
         if form == Form::Classic {
@@ -112,6 +118,8 @@ impl Bits {
     pub fn nominal(is_extended: bool, form: Form, bytes: usize) -> Self {
         let bits = 8 * bytes as u32;
         match (form, is_extended) {
+            // a start bit and a stop bit for each byte
+            (Form::Packet, _) => Self { nominal: 10 * bytes as u32, fast: 0 },
             (Form::Classic, extended) => {
                 Self { nominal: if extended { 39 } else { 19 } + bits + 15 + TAIL, fast: 0 }
             }

@@ -35,7 +35,7 @@ impl Shape {
 ///
 /// let frame = Shape { extended: false, form: Form::Classic, bytes: 8 };
 /// let rates = Rates { nominal: 1_000_000, fast: 1_000_000 };
-/// let mut budget = Budget { rates, exchanges: vec![(frame, frame); 3], turn_round_ns: 50_000, cycle_ns: 1_000_000 };
+/// let mut budget = Budget { rates, exchanges: vec![(frame, frame); 3], others: vec![], turn_round_ns: 50_000, cycle_ns: 1_000_000 };
 /// assert_eq!(budget.busy_ns(), 810_000);
 /// assert!(budget.fits() && budget.share() > Budget::COMFORTABLE);
 /// budget.exchanges.push((frame, frame));
@@ -47,6 +47,8 @@ pub struct Budget {
     pub rates: Rates,
     /// Command and answer of each drive.
     pub exchanges: Vec<(Shape, Shape)>,
+    /// Frames beside them, such as a synchronisation and second answers.
+    pub others: Vec<Shape>,
     /// Longest time from a command to the beginning of its answer, ns.
     pub turn_round_ns: u64,
     /// Time from one batch of commands to the next, ns.
@@ -59,7 +61,8 @@ impl Budget {
 
     /// Time of all bits of a cycle in the worst case, ns.
     pub fn busy_ns(&self) -> u64 {
-        self.exchanges.iter().map(|(command, answer)| self.ns(command) + self.ns(answer)).sum()
+        let exchanges = self.exchanges.iter().map(|(command, answer)| self.ns(command) + self.ns(answer));
+        exchanges.sum::<u64>() + self.others.iter().map(|shape| self.ns(shape)).sum::<u64>()
     }
 
     /// Time from the first bit of the commands to the last of the answers in the worst case, ns: all bits, and one
@@ -78,10 +81,15 @@ impl Budget {
         self.complete_ns() <= self.cycle_ns
     }
 
-    /// The most drives like the first one that fit into a cycle.
+    /// The most drives like these that fit into a cycle.
     pub fn most(&self) -> u64 {
-        let Some((command, answer)) = self.exchanges.first() else { return 0 };
-        self.cycle_ns.saturating_sub(self.turn_round_ns) / (self.ns(command) + self.ns(answer))
+        let count = self.exchanges.len() as u64;
+        if count == 0 {
+            return 0;
+        }
+        // each with its share of the frames beside
+        let each_ns = self.busy_ns().div_ceil(count);
+        self.cycle_ns.saturating_sub(self.turn_round_ns) / each_ns
     }
 
     fn ns(&self, shape: &Shape) -> u64 {
@@ -103,6 +111,13 @@ impl fmt::Display for Budget {
             let plus = if begun { " + " } else { "" };
             write!(f, "{plus}{alike} x ({} + {} bits)", bits(&first.0), bits(&first.1))?;
             (begun, rest) = (true, &rest[alike..]);
+        }
+        let mut rest = &self.others[..];
+        while let Some(first) = rest.first() {
+            let alike = rest.iter().take_while(|shape| *shape == first).count();
+            let bits = first.worst();
+            write!(f, " + {alike} x {} bits", bits.nominal + bits.fast)?;
+            rest = &rest[alike..];
         }
         write!(
             f,

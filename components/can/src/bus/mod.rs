@@ -1,9 +1,12 @@
-//! Buses: the bits of frames, the budget of a cycle, the interface of a bus, simulated ones and those of the kernel.
+//! Buses: the bits of frames, the budget of a cycle, the interface of a bus, simulated ones, those of the kernel, and those on
+//! serial lines.
 
 pub mod bits;
 pub mod budget;
 pub mod real;
 pub mod report;
+mod serial;
+pub mod servo_line;
 pub mod simulated;
 pub mod slcan;
 pub mod socket;

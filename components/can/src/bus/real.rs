@@ -1,10 +1,11 @@
-//! Buses of the computer: interfaces of the kernel, and adapters on serial lines.
+//! Buses of the computer: interfaces of the kernel, adapters on serial lines, and lines of serial servos.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
 
 use super::bits::Rates;
 use super::report::Report;
+use super::servo_line::ServoBus;
 use super::slcan::SlcanBus;
 use super::socket::{Condition, OpenError, SocketBus, SocketCounts};
 use super::{Bus, Received};
@@ -25,6 +26,8 @@ pub enum RealBus {
     Socket(Box<SocketBus>),
     /// An adapter on a serial line, such as `/dev/ttyACM0`.
     Serial(Box<SlcanBus>),
+    /// A line of serial servos, such as `/dev/ttyACM0`.
+    Servos(Box<ServoBus>),
 }
 
 impl RealBus {
@@ -40,11 +43,20 @@ impl RealBus {
         }
     }
 
+    /// Opens a line of serial servos with this speed, bit/s.
+    ///
+    /// # Errors
+    /// It cannot be opened, or knows no such speed.
+    pub fn open_servos(path: &str, speed: u32) -> Result<Self, OpenError> {
+        ServoBus::open(path, speed).map(|bus| Self::Servos(Box::new(bus)))
+    }
+
     /// Its name.
     pub fn name(&self) -> &str {
         match self {
             Self::Socket(bus) => bus.name(),
             Self::Serial(bus) => bus.name(),
+            Self::Servos(bus) => bus.name(),
         }
     }
 
@@ -53,6 +65,7 @@ impl RealBus {
         match self {
             Self::Socket(bus) => bus.condition(),
             Self::Serial(bus) => bus.condition(),
+            Self::Servos(bus) => bus.condition(),
         }
     }
 
@@ -61,6 +74,7 @@ impl RealBus {
         match self {
             Self::Socket(bus) => bus.counts(),
             Self::Serial(bus) => bus.counts(),
+            Self::Servos(bus) => bus.counts(),
         }
     }
 
@@ -69,6 +83,7 @@ impl RealBus {
         match self {
             Self::Socket(bus) => bus.is_virtual(),
             Self::Serial(bus) => bus.is_virtual(),
+            Self::Servos(bus) => bus.is_virtual(),
         }
     }
 
@@ -83,6 +98,10 @@ impl RealBus {
                 bus.receive_only(ids);
                 Ok(())
             }
+            Self::Servos(bus) => {
+                bus.receive_only(ids);
+                Ok(())
+            }
         }
     }
 
@@ -93,7 +112,7 @@ impl RealBus {
     pub fn inject(&self, report: &Report) -> io::Result<()> {
         match self {
             Self::Socket(bus) => bus.inject(report),
-            Self::Serial(_) => Err(io::ErrorKind::Unsupported.into()),
+            Self::Serial(_) | Self::Servos(_) => Err(io::ErrorKind::Unsupported.into()),
         }
     }
 }
@@ -103,6 +122,7 @@ impl AsFd for RealBus {
         match self {
             Self::Socket(bus) => bus.as_fd(),
             Self::Serial(bus) => bus.as_fd(),
+            Self::Servos(bus) => bus.as_fd(),
         }
     }
 }
@@ -112,6 +132,7 @@ impl Bus for RealBus {
         match self {
             Self::Socket(bus) => bus.send(frames),
             Self::Serial(bus) => bus.send(frames),
+            Self::Servos(bus) => bus.send(frames),
         }
     }
 
@@ -119,6 +140,7 @@ impl Bus for RealBus {
         match self {
             Self::Socket(bus) => bus.receive(frames),
             Self::Serial(bus) => bus.receive(frames),
+            Self::Servos(bus) => bus.receive(frames),
         }
     }
 }

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::bits::{Bits, Rates};
 pub use super::report::ErrorState;
 use super::{Bus, Received};
-use crate::frame::Frame;
+use crate::frame::{Form, Frame};
 
 /// An event on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +51,8 @@ struct Node {
 /// A frame begins when the bus is free; of several that wait the one with the lowest identifier wins. It takes as long as
 /// its bits, stuffing included. A sender that is disturbed counts eight transmit errors and sends again; it is passive from
 /// 128 on and leaves the bus beyond 255. Two nodes that send different frames with one identifier disturb each other. A frame
-/// that nobody receives is not acknowledged, and is sent again and again. Nothing here depends on anything but its input.
+/// that nobody receives is not acknowledged, and is sent again and again. Packets of a serial line are sent one after the other,
+/// and nobody notices errors of theirs. Nothing here depends on anything but its input.
 #[derive(Debug)]
 pub struct SimulatedBus {
     rates: Rates,
@@ -112,8 +113,9 @@ impl SimulatedBus {
             *index != sender && other.id.arbitration() == frame.id.arbitration() && *other != frame
         });
         let lasts_ns = Bits::of(&frame).ns(&self.rates);
+        let is_packet = frame.form == Form::Packet;
         let alone = self.nodes.iter().enumerate().all(|(index, node)| index == sender || node.is_off);
-        if rival.is_some() || alone || self.disturbed > 0 {
+        if !is_packet && (rival.is_some() || alone || self.disturbed > 0) {
             let time_ns = start_ns + lasts_ns;
             let over_ns = time_ns + self.bits_ns(ERROR_BITS);
             if over_ns > until_ns {
@@ -129,7 +131,7 @@ impl SimulatedBus {
             let state = self.state(sender);
             return Some(Event::Disturbed { sender, state, is_unacknowledged: alone, time_ns });
         }
-        let time_ns = start_ns + lasts_ns - self.bits_ns(PAUSE_BITS);
+        let time_ns = start_ns + lasts_ns - if is_packet { 0 } else { self.bits_ns(PAUSE_BITS) };
         if time_ns > until_ns {
             return None;
         }

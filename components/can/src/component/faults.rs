@@ -5,7 +5,7 @@ use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::Table;
+use crate::{BusKind, Table};
 
 /// One fault of the script.
 ///
@@ -101,6 +101,14 @@ impl Fault {
             table.drives.iter().position(|drive| drive.joint == *name)
         };
         let Some(target) = found else { return refuse(key, format!("the drive table has no `{name}`")) };
+        let bus = if of_bus { Some(target) } else { table.bus_of(&table.drives[target]) };
+        let needs_can = matches!(
+            config.kind,
+            FaultKind::Babbling | FaultKind::Disturbed | FaultKind::BusOff | FaultKind::Twin
+        );
+        if needs_can && bus.is_some_and(|bus| table.buses[bus].kind == BusKind::Serial) {
+            return refuse("kind", "a fault of CAN buses, on a serial line".to_string());
+        }
         if config.delay.is_some() && config.kind != FaultKind::Late {
             return refuse("delay", "only a late answer has one".to_string());
         }

@@ -2,7 +2,7 @@
 
 use motorium::declare::{ClockKind, ConfigError};
 
-use crate::{RealBus, Table};
+use crate::{BusKind, RealBus, Table};
 
 /// True if the buses of a table are interfaces of the computer.
 ///
@@ -26,7 +26,11 @@ pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigEr
 pub(super) fn open(table: &Table) -> Result<Vec<RealBus>, ConfigError> {
     let open = |(index, bus): (usize, &crate::BusEntry)| {
         let interface = bus.interface.as_deref().unwrap_or(&bus.name);
-        RealBus::open(interface, &table.rates(index), bus.data_bitrate.is_some()).map_err(|error| {
+        let opened = match bus.kind {
+            BusKind::Can => RealBus::open(interface, &table.rates(index), bus.data_bitrate.is_some()),
+            BusKind::Serial => RealBus::open_servos(interface, bus.bitrate),
+        };
+        opened.map_err(|error| {
             ConfigError::key("drives", format!("bus `{}`: {error}", bus.name)).advise(error.advice())
         })
     };

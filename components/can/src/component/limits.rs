@@ -16,7 +16,7 @@ pub(super) fn of_joints(equipped: &Equipped) -> Result<Vec<JointLimits>, ConfigE
     let effort_rate = profile.map(|profile| profile.effort_rate_limit(model)).transpose().map_err(refused)?;
     let gains = profile.and_then(|profile| profile.gains(model).ok());
     let joint = |(i, name): (usize, &String)| {
-        let (ranges, ratio) = (table.drive(order[i]).ranges, table.transmission(order[i]).ratio.abs());
+        let (ranges, ratio) = (table.ranges(order[i]), table.transmission(order[i]).ratio.abs());
         let effort = model.effort_limit()[i].abs().min(ranges.torque.max * ratio);
         let (most_kp, most_kd) = (ranges.kp.max * ratio * ratio, ranges.kd.max * ratio * ratio);
         let (kp, kd) = match &gains {
@@ -45,7 +45,7 @@ pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
     let Equipped { robot, table, order } = equipped;
     let model = &robot.model;
     model.joint_names().iter().enumerate().find_map(|(i, name)| {
-        let (range, gear) = (table.drive(order[i]).ranges.position, table.transmission(order[i]));
+        let (range, gear) = (table.ranges(order[i]).position, table.transmission(order[i]));
         let ends = [range.min, range.max].map(|drive| gear.to_joint(drive));
         let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
         let (lower, upper) = (model.lower()[i], model.upper()[i]);

@@ -14,6 +14,7 @@ pub(super) fn to_topic(frame: &Frame, bus: usize, time_ns: u64) -> CanFrame {
         Form::Classic => 0,
         Form::Fd => CanFrame::FD,
         Form::FdFast => CanFrame::FD | CanFrame::BIT_RATE_SWITCH,
+        Form::Packet => CanFrame::PACKET,
     };
     let (bus, length) = (bus as u32, frame.data().len() as u32);
     let mut out =
@@ -33,6 +34,7 @@ pub(super) fn from_topic(frame: &CanFrame) -> Option<Frame> {
         Id::standard(u16::try_from(frame.id).ok()?)?
     };
     let form = match (frame.flags & CanFrame::FD != 0, frame.flags & CanFrame::BIT_RATE_SWITCH != 0) {
+        _ if frame.flags & CanFrame::PACKET != 0 => Form::Packet,
         (false, _) => Form::Classic,
         (true, false) => Form::Fd,
         (true, true) => Form::FdFast,
@@ -95,6 +97,7 @@ mod tests {
             (Id::Extended(0x1fff_ffff), Form::Classic, 0),
             (Id::Standard(1), Form::FdFast, 64),
             (Id::Extended(7), Form::Fd, 12),
+            (Id::Standard(6), Form::Packet, 33),
         ] {
             let frame = Frame::new(id, form, &vec![0xa5; length]).unwrap();
             assert_eq!(from_topic(&to_topic(&frame, 2, 9)), Some(frame));

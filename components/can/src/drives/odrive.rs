@@ -182,13 +182,16 @@ const TORQUES: u16 = 0x1c;
 pub struct Node(u8);
 
 impl Node {
+    /// The drive with the lowest number.
+    pub(crate) const FIRST: Self = Self(0);
+
     /// The drive with this number; `None` beyond 63.
     pub fn new(node: u8) -> Option<Self> {
         (node < 64).then_some(Self(node))
     }
 
     /// The identifier of one of its messages.
-    fn id(self, command: u16) -> Id {
+    pub(crate) fn id(self, command: u16) -> Id {
         Id::Standard(u16::from(self.0) << 5 | command)
     }
 

@@ -37,7 +37,7 @@ fn well(_: u64, answer: Frame) -> Vec<(Frame, u64)> {
 impl Rig {
     fn new(befalls: Befalls) -> Self {
         let table = table();
-        let drive = |index| SimulatedDrive::new(table.drive(index), Some(5_000_000));
+        let drive = |index| SimulatedDrive::new(table.drive(index).unwrap(), Some(5_000_000));
         Self {
             adapter: Adapter::new(&table, &[0, 1], &[0.3, 0.3], OnTrip::Damp),
             bus: SimulatedBus::new(table.rates(0), 3, 64),

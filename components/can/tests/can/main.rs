@@ -7,12 +7,15 @@ mod cia402;
 mod components;
 mod damiao;
 mod database;
+mod drives;
 mod faults;
 mod mit;
 mod moteus;
 mod odrive;
+mod protocols;
 mod random;
 mod servo;
+mod servo_line;
 mod slcan;
 mod table;
 

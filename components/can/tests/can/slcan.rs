@@ -103,7 +103,7 @@ proptest! {
 }
 
 /// The other end of a pseudo-terminal, and its path.
-fn terminal() -> (File, String) {
+pub(super) fn terminal() -> (File, String) {
     // SAFETY: the calls open a new descriptor, which the file then owns, and fill a place of the length that they are told.
     unsafe {
         let master = libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY | libc::O_NONBLOCK);
@@ -118,7 +118,7 @@ fn terminal() -> (File, String) {
 const RATES: Rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
 
 /// Bytes that have come on a terminal by now.
-fn written(terminal: &mut File) -> Vec<u8> {
+pub(super) fn written(terminal: &mut File) -> Vec<u8> {
     let (mut all, mut bytes) = (Vec::new(), [0; 4096]);
     while let Ok(length @ 1..) = terminal.read(&mut bytes) {
         all.extend_from_slice(&bytes[..length]);

@@ -92,7 +92,7 @@ impl ImplicitSolver {
     /// The end velocity into `x` (nv), the drive efforts into `tau` (one per joint).
     pub(super) fn solve(
         &mut self,
-        (joints, commands): (&[JointProperties], &[JointCommand]),
+        (joints, commands, bounds): (&[JointProperties], &[JointCommand], &[[f64; 2]]),
         start: &Start<'_>,
         impulses: &mut impl ExternalImpulses,
         x: &mut [f64],
@@ -102,7 +102,7 @@ impl ImplicitSolver {
         self.laws.clear();
         self.laws.resize(offset, Laws::FREE);
         for (i, (joint, command)) in joints.iter().zip(commands).enumerate() {
-            self.laws.push(Laws::new(joint, command, start.q[i], start.h));
+            self.laws.push(Laws::new(joint, command, bounds[i], (start.q[i], start.h)));
             let mode = &mut self.modes[offset + i];
             match (joint.friction > 0.0, mode.friction) {
                 (true, Friction::None) => mode.friction = Friction::Stick,

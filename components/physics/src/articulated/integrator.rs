@@ -53,6 +53,8 @@ use crate::joint::JointProperties;
 #[derive(Clone, Debug)]
 pub struct JointSpaceIntegrator {
     joints: Vec<JointProperties>,
+    /// Lowest and highest effort of each drive in the next step.
+    bounds: Vec<[f64; 2]>,
     dynamics: Dynamics,
     mass: DMatrix<f64>,
     bias: DVector<f64>,
@@ -75,6 +77,7 @@ impl JointSpaceIntegrator {
         assert_eq!(joints.len(), model.joint_count(), "one set of properties per independent joint");
         let n = model.nv();
         Self {
+            bounds: joints.iter().map(limits).collect(),
             joints,
             dynamics: Dynamics::new(model),
             mass: DMatrix::zeros(n, n),
@@ -87,6 +90,17 @@ impl JointSpaceIntegrator {
     /// Passive properties of the joints.
     pub fn joints(&self) -> &[JointProperties] {
         &self.joints
+    }
+
+    /// Takes over other passive properties, one set per independent joint.
+    pub(crate) fn set_joints(&mut self, joints: &[JointProperties]) {
+        self.joints.copy_from_slice(joints);
+        self.bounds.iter_mut().zip(joints).for_each(|(bounds, joint)| *bounds = limits(joint));
+    }
+
+    /// Sets the lowest and the highest effort of the drive of a joint in the steps to come.
+    pub(super) fn set_bounds(&mut self, joint: usize, bounds: [f64; 2]) {
+        self.bounds[joint] = bounds;
     }
 
     /// Resets the modes of the last step, so that the next step depends on its arguments alone.
@@ -158,11 +172,18 @@ impl JointSpaceIntegrator {
         }
         let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
         let x = self.v_next.as_mut_slice();
-        let events = self.solver.solve((&self.joints, commands), &start, impulses, x, tau)?;
+        let drives = (&self.joints[..], commands, &self.bounds[..]);
+        let events = self.solver.solve(drives, &start, impulses, x, tau)?;
         integrate_position(model, q, x, h);
         v.copy_from_slice(x);
         Ok(events)
     }
+}
+
+/// Lowest and highest effort of the drive of a joint.
+fn limits(joint: &JointProperties) -> [f64; 2] {
+    let limit = joint.effort_limit.abs();
+    [-limit, limit]
 }
 
 /// Advances `q` with the end velocity `x` by `h`. The base's part of `x` is turned from its axes at the start into

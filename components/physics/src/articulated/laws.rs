@@ -46,11 +46,13 @@ pub(crate) enum Stop {
 
 /// One joint's laws as functions of its end velocity.
 #[derive(Clone, Debug)]
-pub(super) struct Laws {
+pub(crate) struct Laws {
     /// Drive effort before clamping: `drive_0 - drive_slope * v+`.
     drive_0: f64,
     drive_slope: f64,
-    limit: f64,
+    /// The highest and the lowest effort of the drive.
+    high: f64,
+    low: f64,
     /// Velocities beyond which the drive brakes.
     min_velocity: f64,
     max_velocity: f64,
@@ -68,10 +70,11 @@ const RECOVERY_RATE: f64 = 20.0;
 
 impl Laws {
     /// A velocity of a floating base: nothing acts on it.
-    pub(super) const FREE: Self = Self {
+    pub(crate) const FREE: Self = Self {
         drive_0: 0.0,
         drive_slope: 0.0,
-        limit: f64::INFINITY,
+        high: f64::INFINITY,
+        low: f64::NEG_INFINITY,
         min_velocity: f64::NEG_INFINITY,
         max_velocity: f64::INFINITY,
         braking_slope: 0.0,
@@ -81,7 +84,14 @@ impl Laws {
         fastest: f64::INFINITY,
     };
 
-    pub(super) fn new(joint: &JointProperties, command: &JointCommand, q: f64, h: f64) -> Self {
+    /// The laws in a step of `h` from position `q`. The drive's effort lies within `low` and `high`, which are those of the joint
+    /// or, in this step, narrower.
+    pub(crate) fn new(
+        joint: &JointProperties,
+        command: &JointCommand,
+        [low, high]: [f64; 2],
+        (q, h): (f64, f64),
+    ) -> Self {
         // Within the range a joint may arrive at the stop exactly; beyond it, it may only come back.
         let reach =
             |distance: f64, beyond: bool| if beyond { distance * RECOVERY_RATE } else { distance / h };
@@ -91,7 +101,8 @@ impl Laws {
         Self {
             drive_0: command.kp * (command.position - q) + command.kd * command.velocity + command.effort,
             drive_slope: command.kd + h * command.kp,
-            limit,
+            high,
+            low,
             min_velocity: if brakes { command.min_velocity } else { f64::NEG_INFINITY },
             max_velocity: if brakes { command.max_velocity } else { f64::INFINITY },
             braking_slope: if brakes { 2.0 * limit / band } else { 0.0 },
@@ -104,35 +115,35 @@ impl Laws {
 
     /// The highest effort at end velocity `x`.
     fn highest(&self, x: f64) -> f64 {
-        if x > self.max_velocity { self.slowing_forwards(x).max(-self.limit) } else { self.limit }
+        if x > self.max_velocity { self.slowing_forwards(x).max(self.low) } else { self.high }
     }
 
     /// The lowest effort at end velocity `x`.
     fn lowest(&self, x: f64) -> f64 {
-        if x < self.min_velocity { self.slowing_backwards(x).min(self.limit) } else { -self.limit }
+        if x < self.min_velocity { self.slowing_backwards(x).min(self.high) } else { self.low }
     }
 
     /// The highest effort beyond `max_velocity`, as far as it falls.
     fn slowing_forwards(&self, x: f64) -> f64 {
-        self.limit - self.braking_slope * (x - self.max_velocity)
+        self.high - self.braking_slope * (x - self.max_velocity)
     }
 
     /// The lowest effort beyond `min_velocity`, as far as it rises.
     fn slowing_backwards(&self, x: f64) -> f64 {
-        -self.limit - self.braking_slope * (x - self.min_velocity)
+        self.low - self.braking_slope * (x - self.min_velocity)
     }
 
     /// Drive effort at end velocity `x`, after clamping.
-    pub(super) fn drive(&self, x: f64) -> f64 {
+    pub(crate) fn drive(&self, x: f64) -> f64 {
         (self.drive_0 - self.drive_slope * x).clamp(self.lowest(x), self.highest(x))
     }
 
     /// The branch of the drive at end velocity `x`, as if there were no `max_velocity`.
     fn plain_mode(&self, x: f64) -> Drive {
         let raw = self.drive_0 - self.drive_slope * x;
-        if raw > self.limit {
+        if raw > self.high {
             Drive::High
-        } else if raw < -self.limit {
+        } else if raw < self.low {
             Drive::Low
         } else {
             Drive::Linear
@@ -140,17 +151,17 @@ impl Laws {
     }
 
     /// True if the drive's effort is below what its command alone would give.
-    pub(super) fn is_saturated(&self, x: f64) -> bool {
+    pub(crate) fn is_saturated(&self, x: f64) -> bool {
         let raw = self.drive_0 - self.drive_slope * x;
         raw > self.highest(x) || raw < self.lowest(x)
     }
 
     /// The branch of the drive at end velocity `x`, found in `mode`. Between full effort forwards and backwards lies the
     /// branch of braking: to jump over it would make the iteration cycle.
-    fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
+    pub(crate) fn drive_mode(&self, mode: Drive, x: f64) -> Drive {
         let raw = self.drive_0 - self.drive_slope * x;
         if x > self.max_velocity && raw > self.highest(x) {
-            let full = self.slowing_forwards(x) <= -self.limit;
+            let full = self.slowing_forwards(x) <= self.low;
             return if full && matches!(mode, Drive::SlowForwards | Drive::Low) {
                 Drive::Low
             } else {
@@ -158,7 +169,7 @@ impl Laws {
             };
         }
         if x < self.min_velocity && raw < self.lowest(x) {
-            let full = self.slowing_backwards(x) >= self.limit;
+            let full = self.slowing_backwards(x) >= self.high;
             return if full && matches!(mode, Drive::SlowBackwards | Drive::High) {
                 Drive::High
             } else {
@@ -173,15 +184,20 @@ impl Laws {
         }
     }
 
-    /// Force on the joint in `mode` as `constant - slope * x`, stops and sticking apart.
-    pub(super) fn force(&self, mode: &Mode) -> (f64, f64) {
-        let (drive, slope) = match mode.drive {
+    /// Effort of the drive on a branch as `constant - slope * x`.
+    pub(crate) fn drive_force(&self, drive: Drive) -> (f64, f64) {
+        match drive {
             Drive::Linear => (self.drive_0, self.drive_slope),
-            Drive::High => (self.limit, 0.0),
-            Drive::Low => (-self.limit, 0.0),
+            Drive::High => (self.high, 0.0),
+            Drive::Low => (self.low, 0.0),
             Drive::SlowForwards => (self.slowing_forwards(0.0), self.braking_slope),
             Drive::SlowBackwards => (self.slowing_backwards(0.0), self.braking_slope),
-        };
+        }
+    }
+
+    /// Force on the joint in `mode` as `constant - slope * x`, stops and sticking apart.
+    pub(super) fn force(&self, mode: &Mode) -> (f64, f64) {
+        let (drive, slope) = self.drive_force(mode.drive);
         let friction = match mode.friction {
             Friction::None | Friction::Stick => 0.0,
             Friction::Forwards => -self.friction,
@@ -240,8 +256,8 @@ impl Laws {
                 (h * (self.drive_0 + push) - rest) / (inertia + h * (self.drive_slope + self.damping));
             let full = |effort: f64| (h * (effort + push) - rest) / (inertia + h * self.damping);
             let plain = match self.plain_mode(linear) {
-                Drive::High => full(self.limit),
-                Drive::Low => full(-self.limit),
+                Drive::High => full(self.high),
+                Drive::Low => full(self.low),
                 _ => linear,
             };
             // Beyond a velocity limit the drive gives the least of its branches.
@@ -249,9 +265,9 @@ impl Laws {
                 (h * (effort + push) - rest) / (inertia + h * (self.braking_slope + self.damping))
             };
             if plain > self.max_velocity {
-                plain.min(slowing(self.slowing_forwards(0.0)).max(full(-self.limit)))
+                plain.min(slowing(self.slowing_forwards(0.0)).max(full(self.low)))
             } else if plain < self.min_velocity {
-                plain.max(slowing(self.slowing_backwards(0.0)).min(full(self.limit)))
+                plain.max(slowing(self.slowing_backwards(0.0)).min(full(self.high)))
             } else {
                 plain
             }

@@ -1,24 +1,27 @@
 //! The articulated engine: motorium's own joint-space dynamics with implicit drives and contacts, for robots with a
 //! fixed or a floating base.
 
+mod actuators;
 mod implicit;
 mod integrator;
 mod laws;
 mod push;
 mod step;
 
-use motorium_robots::{Dynamics, Kinematics};
+use motorium_robots::{Dynamics, FrameId, Kinematics};
 use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
 
 use crate::contact::{Colliders, ContactScene, SceneState};
+use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
 use crate::{BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, StepError, StepReport, World};
+use actuators::{Actuators, ActuatorsState};
 pub(crate) use implicit::ExternalImpulses;
 pub use implicit::Singular;
 pub use integrator::{JointEvents, JointSpaceIntegrator};
-pub(crate) use laws::Mode;
+pub(crate) use laws::{Drive, Laws, Mode};
 
 /// A robot with a fixed or floating base in a world, simulated by the [`Articulated`] engine.
 ///
@@ -81,6 +84,7 @@ pub struct Articulated {
     rotor_force: Vec<f64>,
     /// Generalized force from outside during the next step (nv).
     external: Vec<f64>,
+    actuators: Actuators,
     frame_jacobian: DMatrix<f64>,
     momentum_map: DMatrix<f64>,
     /// Length of the last integration step \[s\].
@@ -109,6 +113,7 @@ pub struct ArticulatedState {
     modes: Vec<Mode>,
     scene: SceneState,
     external: Vec<f64>,
+    actuators: ActuatorsState,
     h: f64,
 }
 
@@ -125,8 +130,10 @@ impl Engine for Articulated {
         warnings: &mut Vec<BuildWarning>,
     ) -> Result<Self, BuildError> {
         let model = &robot.model;
+        let actuators = Actuators::new(setup, &robot.joints)?;
         let colliders = Colliders::new(setup, world, options, warnings);
         Ok(Self {
+            actuators,
             rays: Rays::new(&colliders),
             options: *options,
             integrator: JointSpaceIntegrator::new(model, robot.joints.clone()),
@@ -141,8 +148,23 @@ impl Engine for Articulated {
         })
     }
 
+    fn surfaces(&self) -> Vec<Surface> {
+        self.scene.colliders().surfaces()
+    }
+
+    fn set_properties(&mut self, robot: &Robot, surfaces: &[Surface]) {
+        self.integrator.set_joints(&robot.joints);
+        self.actuators.set_limits(&robot.joints);
+        self.scene.set_properties(surfaces, robot.model.mass());
+    }
+
+    fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {
+        self.add_wrench(robot, link, point, wrench);
+    }
+
     fn reset(&mut self, robot: &Robot, world: &World) {
         self.integrator.forget();
+        self.actuators.reset();
         self.external.fill(0.0);
         self.scene.restart(world);
         self.scene.set_poses(&robot.kinematics, &robot.base_pose());
@@ -164,7 +186,8 @@ impl Engine for Articulated {
         self.advance_by(robot, dt)
     }
 
-    fn commit(&mut self) {
+    fn commit(&mut self, robot: &Robot, dt: f64) {
+        self.actuators.commit(&robot.commands, dt);
         self.external.fill(0.0);
         self.scene.objects.commit();
     }
@@ -178,12 +201,16 @@ impl Engine for Articulated {
             modes: self.integrator.modes().to_vec(),
             scene: self.scene.save(),
             external: self.external.clone(),
+            actuators: self.actuators.save(),
             h: self.h,
         }
     }
 
     fn restore(&mut self, _: &Robot, state: &ArticulatedState) -> bool {
-        if !self.scene.fits(&state.scene) || !self.integrator.set_modes(&state.modes) {
+        if !self.scene.fits(&state.scene)
+            || !self.actuators.restore(&state.actuators)
+            || !self.integrator.set_modes(&state.modes)
+        {
             return false;
         }
         self.scene.restore(&state.scene);

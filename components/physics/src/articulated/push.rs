@@ -4,6 +4,8 @@ use motorium_robots::{FrameId, Reference};
 use nalgebra::{Point3, Vector3};
 
 use super::Articulated;
+use crate::Simulator;
+use crate::robot::Robot;
 use crate::simulation::Simulation;
 
 impl Simulation<Articulated> {
@@ -36,12 +38,24 @@ impl Simulation<Articulated> {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn apply_force(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>) {
-        let (robot, engine) = (&self.robot, &mut self.engine);
-        let jacobian = &mut engine.frame_jacobian;
+        self.apply_wrench(link, point, force, Vector3::zeros());
+    }
+}
+
+impl Articulated {
+    /// Adds the generalized force of a wrench at a point of a link to that of the next step.
+    pub(super) fn add_wrench(
+        &mut self,
+        robot: &Robot,
+        link: FrameId,
+        point: &Point3<f64>,
+        [force, torque]: [Vector3<f64>; 2],
+    ) {
+        let jacobian = &mut self.frame_jacobian;
         robot.kinematics.jacobian(&robot.model, link, Reference::LocalWorldAligned, jacobian);
         let arm = robot.kinematics.pose(&robot.model, link).rotation * point.coords;
-        let torque = arm.cross(&force);
-        for (external, column) in engine.external.iter_mut().zip(jacobian.column_iter()) {
+        let torque = torque + arm.cross(&force);
+        for (external, column) in self.external.iter_mut().zip(jacobian.column_iter()) {
             for axis in 0..3 {
                 *external += column[axis] * force[axis] + column[axis + 3] * torque[axis];
             }

@@ -5,16 +5,19 @@ use core::ops::Range;
 use motorium::declare::{ConfigError, RobotReference};
 use motorium::state::MAX_JOINTS;
 use motorium::telemetry::set_apart;
-use motorium_robots::{BasePose, FrameId, LoadOptions, Loaded, Model, Placed, RobotSource, Srdf};
-use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+use motorium_robots::{BasePose, LoadOptions, Loaded, Model, Placed, RobotSource, Srdf};
+use nalgebra::{Isometry3, Translation3};
 
+use super::actuators;
 use super::config::{self, PhysicsConfig};
-use crate::{Articulated, Engine, Rapier, RobotSetup, Simulation};
+use crate::{Articulated, ArticulatedSimulator, Engine, Mujoco, Rapier, RobotSetup, Simulation, Simulator};
 
 /// The simulation of a component, and the robots in it.
 pub(super) struct Built<E> {
     pub(super) simulation: Simulation<E>,
     pub(super) robots: Vec<BuiltRobot>,
+    /// A floating base that starts on the ground, wherever that is.
+    pub(super) on_ground: bool,
 }
 
 /// One robot of a simulation.
@@ -80,7 +83,8 @@ fn one<E: PhysicsEngine>(config: &PhysicsConfig, robot: &RobotReference) -> Resu
         let message = format!("a start for `{name}` of a component with one robot");
         return Err(ConfigError::key("start", message).advise("use `pose` or `position`"));
     }
-    let (setup, loaded) = load(config, robot)?;
+    let (mut setup, loaded) = load(config, robot)?;
+    setup.actuators = actuators::settings(config.actuator.as_ref(), &config.actuators, &loaded.model)?;
     let drives = loaded.model.joint_count() + setup.rotors.len();
     let joints = config.start(&loaded)?;
     let base = config.base_start(&loaded, robot.pose.is_some())?;
@@ -90,7 +94,8 @@ fn one<E: PhysicsEngine>(config: &PhysicsConfig, robot: &RobotReference) -> Resu
     let mut simulation =
         Simulation::new(setup, config.world.clone(), &q, config.solver).map_err(config::refused)?;
     E::prepare(&mut simulation, base.is_none());
-    Ok(Built { simulation, robots: vec![BuiltRobot { name: None, loaded, drives: 0..drives }] })
+    let on_ground = loaded.model.base().floating && base.is_none();
+    Ok(Built { simulation, robots: vec![BuiltRobot { name: None, loaded, drives: 0..drives }], on_ground })
 }
 
 /// Several robots with fixed bases, as one model: their trees stand side by side in the world.
@@ -144,11 +149,12 @@ fn several<E: PhysicsEngine>(
         .collect();
     let model =
         Model::world("world", &placed).map_err(|error| ConfigError::key("robots", error.to_string()))?;
-    let setup = RobotSetup { collision_rules: rules, ..RobotSetup::from(model) };
+    let actuators = actuators::settings(config.actuator.as_ref(), &config.actuators, &model)?;
+    let setup = RobotSetup { collision_rules: rules, actuators, ..RobotSetup::from(model) };
     let mut simulation =
         Simulation::new(setup, config.world.clone(), &q, config.solver).map_err(config::refused)?;
     E::prepare(&mut simulation, false);
-    Ok(Built { simulation, robots: built })
+    Ok(Built { simulation, robots: built, on_ground: false })
 }
 
 /// An error about the start of one of several robots.
@@ -188,12 +194,6 @@ pub trait PhysicsEngine: Engine + Send + 'static {
     /// One line on the kind.
     const SUMMARY: &'static str;
 
-    /// True if it can apply forces from outside.
-    const PUSHES: bool;
-
-    /// Applies `force` \[N, world axes\] at `point` \[m, axes of the link\] of a link during the next step, if it can.
-    fn push(simulation: &mut Simulation<Self>, link: FrameId, point: Point3<f64>, force: Vector3<f64>);
-
     /// Prepares a new simulation for its component; `placed_anywhere` when the configuration does not say where a
     /// floating base starts.
     fn prepare(simulation: &mut Simulation<Self>, placed_anywhere: bool);
@@ -202,11 +202,6 @@ pub trait PhysicsEngine: Engine + Send + 'static {
 impl PhysicsEngine for Articulated {
     const KIND: &'static str = "physics.articulated";
     const SUMMARY: &'static str = "simulates robots in a world of simple objects, with contacts";
-    const PUSHES: bool = true;
-
-    fn push(simulation: &mut Simulation<Self>, link: FrameId, point: Point3<f64>, force: Vector3<f64>) {
-        simulation.apply_force(link, point, force);
-    }
 
     fn prepare(simulation: &mut Simulation<Self>, placed_anywhere: bool) {
         if placed_anywhere {
@@ -218,11 +213,27 @@ impl PhysicsEngine for Articulated {
 impl PhysicsEngine for Rapier {
     const KIND: &'static str = "physics.rapier";
     const SUMMARY: &'static str = "simulates robots with fixed bases by the rapier engine";
-    const PUSHES: bool = false;
-
-    fn push(_: &mut Simulation<Self>, _: FrameId, _: Point3<f64>, _: Vector3<f64>) {}
 
     fn prepare(simulation: &mut Simulation<Self>, _: bool) {
         simulation.enclose_rapier(|call| set_apart(call));
+    }
+}
+
+impl PhysicsEngine for Mujoco {
+    const KIND: &'static str = "physics.mujoco";
+    const SUMMARY: &'static str = "simulates robots by MuJoCo, where its library is installed";
+
+    fn prepare(simulation: &mut Simulation<Self>, placed_anywhere: bool) {
+        if !placed_anywhere {
+            return;
+        }
+        // The same shapes stand on the same ground.
+        let (model, world) = (simulation.model().clone(), simulation.world.clone());
+        let (q, options) = (simulation.configuration().to_vec(), *simulation.options());
+        if let Ok(mut twin) = ArticulatedSimulator::new(model, world, &q, options) {
+            twin.place_on_ground();
+            let placed = simulation.reset(twin.configuration(), twin.velocity());
+            placed.expect("the same robot has the same coordinates");
+        }
     }
 }

@@ -8,7 +8,9 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::actuators::ActuatorConfig;
 use super::pushes::PushConfig;
+use super::randomise::RandomiseConfig;
 use crate::{BuildError, Options, World};
 
 /// Configuration of the physics kinds: where robots start, what is around them, and the settings of the engine.
@@ -34,8 +36,14 @@ pub struct PhysicsConfig {
     pub start: BTreeMap<String, RobotStart>,
     /// Gravity, ground and objects around the robot, in a graph without a `[world]`.
     pub world: World,
-    /// Pushes from outside at stated times; `physics.articulated` alone applies them.
+    /// Forces and torques from outside at stated times.
     pub pushes: Vec<PushConfig>,
+    /// The actuators of all joints; `physics.articulated` alone simulates them. Default: ideal ones.
+    pub actuator: Option<ActuatorConfig>,
+    /// Actuators of single joints by their names, in place of `actuator`. With several robots a name is `ROBOT/JOINT`.
+    pub actuators: BTreeMap<String, ActuatorConfig>,
+    /// Ranges of physical properties, drawn anew at the start of every episode. Default: nothing is drawn.
+    pub randomise: RandomiseConfig,
     /// Settings of the engine.
     pub solver: Options,
     /// True: the commands are those of drives that another component simulates, such as `can.drive_sim`, and are applied as
@@ -208,9 +216,14 @@ fn rest_position(low: f64, high: f64) -> f64 {
 pub(super) fn refused(error: BuildError) -> ConfigError {
     let message = error.to_string();
     match error {
+        BuildError::IdealDrives => ConfigError::key("actuator", message),
+        BuildError::Actuator { ref joint, ref error } => {
+            ConfigError::key(format!("actuators.{joint}.{}", error.setting), message)
+        }
         BuildError::World(_) | BuildError::Terrain => ConfigError::key("world", message),
         BuildError::Option { name, .. } => ConfigError::key(format!("solver.{name}"), message),
         BuildError::State(_) => ConfigError::key("position", message),
+        BuildError::Library(_) | BuildError::Refused { .. } => ConfigError::new(message),
         BuildError::FloatingBase { robot } => {
             let message =
                 format!("robot `{robot}` has a floating base, which `physics.rapier` cannot simulate");

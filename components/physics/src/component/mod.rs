@@ -1,10 +1,12 @@
-//! `physics.articulated` and `physics.rapier`: simulations as components of a graph.
+//! `physics.articulated`, `physics.rapier` and `physics.mujoco`: simulations as components of a graph.
 
+mod actuators;
 mod build;
 mod config;
 mod limits;
 mod objects;
 mod pushes;
+mod randomise;
 mod truth;
 
 use core::ops::Range;
@@ -15,15 +17,21 @@ use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
 use motorium::state::{self, BaseState, JointState};
 use motorium::transport::{Input, Output};
 use motorium::worker::Kind;
-use motorium_robots::Dynamics;
+use motorium_robots::{Dynamics, Model};
+use nalgebra::Vector3;
 use serde_json::json;
 
-use crate::{Articulated, BuildWarning, JointCommand, Rapier, Simulation, Simulator, StepReport};
+use crate::{Articulated, BuildWarning, JointCommand, Mujoco, Rapier, Simulation, Simulator, StepReport};
+pub use actuators::{ActuatorConfig, EnvelopeConfig, ThermalConfig};
 pub use build::PhysicsEngine;
 use build::{Built, build};
 pub use config::PhysicsConfig;
 pub use pushes::PushConfig;
 use pushes::Pushes;
+use randomise::Randomiser;
+pub use randomise::{
+    Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals, SurfaceIntervals,
+};
 use truth::Truth;
 
 /// `physics.articulated`: a simulation by the [`Articulated`] engine, for robots with a fixed or a floating base.
@@ -32,6 +40,10 @@ pub type ArticulatedPhysics = PhysicsComponent<Articulated>;
 /// `physics.rapier`: a simulation by the [`Rapier`] engine, for robots with a fixed base. Heap allocations inside
 /// rapier are counted apart.
 pub type RapierPhysics = PhysicsComponent<Rapier>;
+
+/// `physics.mujoco`: a simulation by the [`Mujoco`] engine, for robots with a fixed or a floating base, where MuJoCo's
+/// library is installed.
+pub type MujocoPhysics = PhysicsComponent<Mujoco>;
 
 /// A simulated robot that publishes its joint state and follows joint commands; with a floating base, its base state,
 /// too. Or several robots with fixed bases in one world, each with ports and a command gate of its own.
@@ -47,6 +59,9 @@ pub struct PhysicsComponent<E> {
     truth: Truth,
     simulation: Simulation<E>,
     pushes: Pushes,
+    randomiser: Option<Randomiser>,
+    /// The robot and the gravity that its safe states reckon with: those of its files, whatever is drawn.
+    nominal: (Model, Vector3<f64>),
     dynamics: Dynamics,
     gravity: Vec<f64>,
     checkpoint: Checkpoint,
@@ -100,8 +115,10 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             declare.actuator();
         }
         // Everything that could be refused later is refused now.
-        let Built { simulation, robots } = build::<E>(config, declare.robot(), declare.robots())?;
-        Pushes::new::<E>(&config.pushes, simulation.model())?;
+        let built = build::<E>(config, declare.robot(), declare.robots())?;
+        randomise::declare(&config.randomise, &built, declare)?;
+        let Built { simulation, robots, .. } = built;
+        Pushes::new(&config.pushes, simulation.model())?;
         for warning in simulation.warnings() {
             // Links that are always close are how the robot is built: nothing that its user could mend.
             if !matches!(warning, BuildWarning::SelfCollisionOff { .. }) {
@@ -122,16 +139,23 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
 
     fn configure(config: PhysicsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let (one, several) = (setup.robot().ok().cloned(), setup.robots().to_vec());
-        let Built { mut simulation, robots } = build::<E>(&config, one.as_ref(), &several)?;
+        let Built { mut simulation, robots, on_ground } = build::<E>(&config, one.as_ref(), &several)?;
         let (nq, nv) = (simulation.model().nq(), simulation.model().nv());
         let (start_q, start_v) = (simulation.configuration().to_vec(), simulation.velocity().to_vec());
-        let start = simulation.base_pose().translation.vector.into();
-        let mut checkpoint = setup.checkpoint(nq + nv)?;
-        if let Some(state) = checkpoint.resume() {
-            let (q, v) = state.split_at(nq);
-            simulation.reset(q, v).map_err(ConfigureError::failed)?;
+        let nominal = (simulation.model().clone(), simulation.gravity());
+        let mut randomiser = Randomiser::open(&config.randomise, (&simulation, &robots, on_ground), setup)?;
+        let mut checkpoint = setup.checkpoint(nq + nv + if randomiser.is_some() { 3 } else { 0 })?;
+        let state = checkpoint.resume();
+        if let Some(randomiser) = &mut randomiser {
+            let drawn = state.as_ref().map(|state| [0, 1, 2].map(|place| state[nq + nv + place]));
+            let episode = drawn.map_or((0, setup.seed()), Randomiser::episode);
+            randomiser.start(&mut simulation, episode).map_err(ConfigureError::failed)?;
         }
-        let pushes = Pushes::new::<E>(&config.pushes, simulation.model())?;
+        let start = simulation.base_pose().translation.vector.into();
+        if let Some(state) = state {
+            simulation.reset(&state[..nq], &state[nq..nq + nv]).map_err(ConfigureError::failed)?;
+        }
+        let pushes = Pushes::new(&config.pushes, simulation.model())?;
         let floating = simulation.model().base().floating;
         let names = simulation.joint_names();
         let limits =
@@ -167,6 +191,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             start_v,
             simulation,
             pushes,
+            randomiser,
+            nominal,
             checkpoint,
             last_ns: None,
             totals: Totals::NONE,
@@ -187,7 +213,11 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             }
         }
         let (q, v) = (self.simulation.configuration(), self.simulation.velocity());
-        self.checkpoint.save(q.iter().chain(v).copied());
+        let drawn = self.randomiser.as_ref().map(Randomiser::checkpoint);
+        self.checkpoint.save(q.iter().chain(v).copied().chain(drawn.into_iter().flatten()));
+        if let Some(randomiser) = &mut self.randomiser {
+            randomiser.publish()?;
+        }
         if let Some(output) = &mut self.base_state {
             let mut base = output.loan()?;
             base.position.copy_from_slice(&q[..3]);
@@ -196,7 +226,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             base.angular_velocity.copy_from_slice(&v[3..6]);
             base.publish()?;
         }
-        self.truth.publish(&self.simulation)?;
+        let now = if tick.settling { u64::MAX } else { tick.time_ns };
+        self.truth.publish(&self.simulation, self.pushes.forces(now))?;
         for robot in &mut self.robots {
             let (simulation, drives) = (&self.simulation, robot.drives.clone());
             let mut state = robot.state.loan()?;
@@ -209,9 +240,13 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         Ok(())
     }
 
-    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
-        let reset = self.simulation.reset(&self.start_q, &self.start_v);
+    fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
+        let reset = match &mut self.randomiser {
+            Some(randomiser) => randomiser.start(&mut self.simulation, (episode.index, episode.seed)),
+            None => self.simulation.reset(&self.start_q, &self.start_v),
+        };
         reset.map_err(|error| StepError::failed(error.to_string()))?;
+        self.start = self.simulation.base_pose().translation.vector.into();
         self.robots.iter_mut().for_each(|robot| {
             if let Some(gate) = &mut robot.gate {
                 gate.reset();
@@ -238,6 +273,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         });
         if let Some(objects) = objects::report(&self.simulation) {
             result["objects"] = objects;
+        }
+        if let Some(randomiser) = &self.randomiser {
+            result["randomised"] = randomiser.report();
         }
         for robot in &self.robots {
             let Some(name) = &robot.name else { continue };
@@ -272,16 +310,15 @@ fn robot_joints(names: &[String], robot: &str) -> Vec<String> {
 impl<E: PhysicsEngine> PhysicsComponent<E> {
     /// Applies the newest command of each robot as far as its gate lets it pass, or the safe state.
     fn apply_commands(&mut self, tick: &Tick) {
-        let Self { simulation, dynamics, gravity, robots, .. } = self;
+        let Self { simulation, dynamics, gravity, robots, nominal: (model, g), .. } = self;
         for robot in robots {
             let Some(gate) = &mut robot.gate else {
                 apply_as_given(&mut robot.command, &mut simulation.commands_mut()[robot.drives.clone()]);
                 continue;
             };
-            let (drives, model) = (robot.drives.clone(), simulation.model());
-            let (q, g) = (simulation.configuration(), simulation.gravity());
+            let (drives, q) = (robot.drives.clone(), simulation.configuration());
             let mut of_drives = |effort: &mut [f64]| {
-                dynamics.gravity(model, q, g, gravity);
+                dynamics.gravity(model, q, *g, gravity);
                 let joints = model.joints_of_v(gravity);
                 for (effort, drive) in effort.iter_mut().zip(drives.clone()) {
                     // A rotor holds nothing.
@@ -352,6 +389,6 @@ impl Totals {
 /// let names: Vec<_> = motorium_physics::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"physics.articulated"));
 /// ```
-pub fn kinds() -> [Kind; 2] {
-    [Kind::of::<ArticulatedPhysics>(), Kind::of::<RapierPhysics>()]
+pub fn kinds() -> [Kind; 3] {
+    [Kind::of::<ArticulatedPhysics>(), Kind::of::<MujocoPhysics>(), Kind::of::<RapierPhysics>()]
 }

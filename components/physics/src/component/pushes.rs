@@ -7,10 +7,9 @@ use nalgebra::{Point3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::PhysicsEngine;
-use crate::Simulation;
+use crate::{Engine, Simulation, Simulator};
 
-/// A force on a link of the robot from one time of a run, or of an episode, to another.
+/// A force and a torque on a link of the robot from one time of a run, or of an episode, to another.
 ///
 /// ```toml
 /// at = "2 s"
@@ -31,8 +30,12 @@ pub struct PushConfig {
     /// Point of the link at which it acts, in the axes of the link, m. Default: its origin.
     #[serde(default)]
     pub point: [f64; 3],
-    /// The force in world axes, N.
+    /// The force in world axes, N. Default: none.
+    #[serde(default)]
     pub force: [f64; 3],
+    /// A torque besides it, in world axes, N m. Default: none.
+    #[serde(default)]
+    pub torque: [f64; 3],
 }
 
 /// The pushes of a component, their links looked up.
@@ -44,15 +47,12 @@ struct Push {
     link: FrameId,
     point: Point3<f64>,
     force: Vector3<f64>,
+    torque: Vector3<f64>,
 }
 
 impl Pushes {
     /// Checks the pushes for a robot.
-    pub(super) fn new<E: PhysicsEngine>(configs: &[PushConfig], model: &Model) -> Result<Self, ConfigError> {
-        if !configs.is_empty() && !E::PUSHES {
-            let message = format!("pushes, which `{}` cannot apply", E::KIND);
-            return Err(ConfigError::key("pushes", message).advise("use `kind = \"physics.articulated\"`"));
-        }
+    pub(super) fn new(configs: &[PushConfig], model: &Model) -> Result<Self, ConfigError> {
         let push = |(index, config): (usize, &PushConfig)| {
             let key = |name: &str| format!("pushes[{index}].{name}");
             let link = match &config.link {
@@ -60,11 +60,17 @@ impl Pushes {
                 None => model.frame(&model.frames()[0].name),
             };
             let link = link.map_err(|error| ConfigError::key(key("link"), error.to_string()))?;
-            for (name, numbers) in [("point", config.point), ("force", config.force)] {
+            for (name, numbers) in
+                [("point", config.point), ("force", config.force), ("torque", config.torque)]
+            {
                 if let Some(number) = numbers.iter().find(|number| number.is_nan() || number.abs() >= 1e6) {
                     let message = format!("{number}, expected a number between -1e6 and 1e6");
                     return Err(ConfigError::key(key(name), message));
                 }
+            }
+            if config.force == [0.0; 3] && config.torque == [0.0; 3] {
+                return Err(ConfigError::key(format!("pushes[{index}]"), "neither a force nor a torque")
+                    .advise("write `force = [60.0, 0.0, 0.0]`"));
             }
             if config.duration.ns == 0 {
                 return Err(ConfigError::key(key("duration"), "0, expected a time such as \"100 ms\""));
@@ -75,15 +81,60 @@ impl Pushes {
                 link,
                 point: config.point.into(),
                 force: config.force.into(),
+                torque: config.torque.into(),
             })
         };
         configs.iter().enumerate().map(push).collect::<Result<_, _>>().map(Self)
     }
 
+    /// The pushes of the time `now_ns`, as forces at points: the link by its index among the frames, the point in its axes \[m\], the
+    /// force in world axes \[N\]. A torque is a pair of forces half a metre from the point each.
+    pub(super) fn forces(
+        &self,
+        now_ns: u64,
+    ) -> impl Iterator<Item = (FrameId, Point3<f64>, Vector3<f64>, Vector3<f64>)> {
+        let active = self.0.iter().filter(move |push| (push.from_ns..push.to_ns).contains(&now_ns));
+        active.flat_map(|push| {
+            let force = (push.force != Vector3::zeros()).then(|| (push.force, Vector3::zeros()));
+            let pair = couple(&push.torque);
+            let all = force.into_iter().chain(pair.into_iter().flatten());
+            all.map(|(force, arm)| (push.link, push.point, arm, force))
+        })
+    }
+
     /// Applies the pushes of the time `now_ns` to the next step of the simulation.
-    pub(super) fn apply<E: PhysicsEngine>(&self, simulation: &mut Simulation<E>, now_ns: u64) {
+    pub(super) fn apply<E: Engine>(&self, simulation: &mut Simulation<E>, now_ns: u64) {
         for push in self.0.iter().filter(|push| (push.from_ns..push.to_ns).contains(&now_ns)) {
-            E::push(simulation, push.link, push.point, push.force);
+            simulation.apply_wrench(push.link, push.point, push.force, push.torque);
         }
+    }
+}
+
+/// Two forces, each with its arm from a point \[m, world axes\], that are a torque together.
+fn couple(torque: &Vector3<f64>) -> Option<[(Vector3<f64>, Vector3<f64>); 2]> {
+    if *torque == Vector3::zeros() {
+        return None;
+    }
+    // An axis across the torque: that along which it is smallest, made perpendicular.
+    let mut arm = Vector3::zeros();
+    arm[torque.iamin()] = 1.0;
+    arm = (arm - torque * (torque.dot(&arm) / torque.norm_squared())).normalize();
+    let force = torque.cross(&arm);
+    Some([(force, arm * 0.5), (-force, arm * -0.5)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_of_forces_is_the_torque_and_no_force() {
+        for torque in [Vector3::x() * 3.0, Vector3::new(0.1, -7.0, 2.0), Vector3::z() * -1e-3] {
+            let pair = couple(&torque).unwrap();
+            let sum: Vector3<f64> = pair.iter().map(|(force, _)| force).sum();
+            let moment: Vector3<f64> = pair.iter().map(|(force, arm)| arm.cross(force)).sum();
+            assert!(sum.norm() < 1e-12 && (moment - torque).norm() < 1e-12, "{torque}: {sum}, {moment}");
+        }
+        assert!(couple(&Vector3::zeros()).is_none());
     }
 }

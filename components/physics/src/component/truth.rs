@@ -4,11 +4,16 @@ use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{Declare, StepError};
 use motorium::state::{Contacts, MAX_CONTACTS, MAX_OBJECTS, ObjectPoses};
 use motorium::transport::Output;
+use motorium_robots::FrameId;
+use nalgebra::{Point3, Vector3};
 
 use crate::{Engine, Simulation, Simulator, World};
 
 /// `other` of a contact with the ground.
 const GROUND: u32 = u32::MAX;
+
+/// `other` of a push of the graph.
+const PUSH: u32 = u32::MAX - 1;
 
 /// `other` of a contact with the link of index 0 of the same robot.
 const FIRST_LINK: u32 = 65_536;
@@ -63,32 +68,47 @@ impl Truth {
     }
 
     /// Publishes the state after a step.
-    pub(super) fn publish<E: Engine>(&mut self, simulation: &Simulation<E>) -> Result<(), StepError> {
+    pub(super) fn publish<E: Engine>(
+        &mut self,
+        simulation: &Simulation<E>,
+        pushes: impl Iterator<Item = (FrameId, Point3<f64>, Vector3<f64>, Vector3<f64>)>,
+    ) -> Result<(), StepError> {
         let Self { contacts, objects, links, names, ids } = self;
         if let Some(output) = contacts.as_mut().filter(|output| output.is_wired()) {
             let mut points = output.loan()?;
             let mut count = 0;
             points.set_count(MAX_CONTACTS);
+            let mut add =
+                |link: u32, other: u32, (point, force, depth): (&Point3<f64>, &Vector3<f64>, f64)| {
+                    if count == MAX_CONTACTS {
+                        return;
+                    }
+                    points.link_mut()[count] = link;
+                    points.other_mut()[count] = other;
+                    points.position_x_mut()[count] = point.x;
+                    points.position_y_mut()[count] = point.y;
+                    points.position_z_mut()[count] = point.z;
+                    points.force_x_mut()[count] = force.x;
+                    points.force_y_mut()[count] = force.y;
+                    points.force_z_mut()[count] = force.z;
+                    points.depth_mut()[count] = depth;
+                    count += 1;
+                };
+            for (link, point, arm, force) in pushes {
+                let at = simulation.frame_pose(link) * point + arm;
+                add(link.index() as u32, PUSH, (&at, &force, 0.0));
+            }
             simulation.visit_contacts(&mut |contact| {
                 let on_second = contact.normal * contact.force + contact.friction;
                 for (link, other, force) in
                     [(contact.second, contact.first, on_second), (contact.first, contact.second, -on_second)]
                 {
-                    let Some(link) = find(links, link).filter(|_| count < MAX_CONTACTS) else { continue };
+                    let Some(link) = find(links, link) else { continue };
                     let other = find(links, other)
                         .map(|link| FIRST_LINK + link)
                         .or_else(|| find(names, other))
                         .unwrap_or(GROUND);
-                    points.link_mut()[count] = link;
-                    points.other_mut()[count] = other;
-                    points.position_x_mut()[count] = contact.point.x;
-                    points.position_y_mut()[count] = contact.point.y;
-                    points.position_z_mut()[count] = contact.point.z;
-                    points.force_x_mut()[count] = force.x;
-                    points.force_y_mut()[count] = force.y;
-                    points.force_z_mut()[count] = force.z;
-                    points.depth_mut()[count] = contact.depth;
-                    count += 1;
+                    add(link, other, (&contact.point, &force, contact.depth));
                 }
             });
             points.set_count(count);

@@ -3,11 +3,15 @@
 use std::sync::Arc;
 
 use motorium_robots::{
-    Attachment, CollisionError, CollisionModel, CollisionOptions, ConvexShape, HeightField, MeshMode,
+    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, HeightField,
+    Kinematics, MeshMode,
 };
 use nalgebra::Isometry3;
 
-use crate::{BuildWarning, Options, RobotSetup, World};
+use crate::{BuildWarning, Options, RobotSetup, Surface, World};
+
+/// Links that start closer than this never touch each other \[m\].
+const TOO_CLOSE: f64 = 0.010;
 
 /// The part of the simulation that a collider moves with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,9 +141,51 @@ impl Colliders {
         Self { colliders, first_object, model, terrain: field.map(Arc::new) }
     }
 
+    /// The surface of each collider.
+    pub(crate) fn surfaces(&self) -> Vec<Surface> {
+        let surface = |collider: &Collider| Surface {
+            name: collider.name.clone(),
+            friction: collider.friction,
+            restitution: collider.restitution,
+        };
+        self.colliders.iter().map(surface).collect()
+    }
+
+    /// Takes over a surface for each collider.
+    pub(crate) fn set_surfaces(&mut self, surfaces: &[Surface]) {
+        for (collider, surface) in self.colliders.iter_mut().zip(surfaces) {
+            (collider.friction, collider.restitution) = (surface.friction, surface.restitution);
+        }
+    }
+
     /// True where both colliders are links of the robot, moving or not.
     pub(crate) fn both_links(&self, pair: [usize; 2]) -> bool {
         pair.iter().all(|&index| index < self.first_object)
+    }
+
+    /// Excludes pairs of links that are too close as the robot stands, with a warning each, and warns of links inside
+    /// something else. True if there was any such pair.
+    pub(crate) fn exclude_close(
+        &mut self,
+        kinematics: &Kinematics,
+        warnings: &mut Vec<BuildWarning>,
+    ) -> bool {
+        let mut distances = Collisions::new(&self.model);
+        distances.update(&self.model, kinematics);
+        let mut close = Vec::new();
+        for proximity in distances.within(&self.model, TOO_CLOSE) {
+            let pair = self.model.pairs()[proximity.pair];
+            let [first, second] = pair.map(|index| self.model.link(index).to_owned());
+            if self.both_links(pair) {
+                close.push(pair);
+                let distance = proximity.distance.max(0.0);
+                warnings.push(BuildWarning::SelfCollisionOff { first, second, distance });
+            } else if pair[0] < self.first_object && proximity.distance <= 0.0 {
+                warnings.push(BuildWarning::StartsInside { link: first, other: second });
+            }
+        }
+        self.exclude(&close);
+        !close.is_empty()
     }
 
     /// Excludes pairs of colliders.

@@ -70,6 +70,11 @@ struct ObjectRow {
     response: (Vector3<f64>, Vector3<f64>),
 }
 
+/// Inverse of a mass \[1/kg\], of none at all a great number.
+fn inverse(mass: f64) -> f64 {
+    1.0 / mass.max(f64::MIN_POSITIVE)
+}
+
 impl Impulses {
     /// For a robot of `n` velocities and of `mass` \[kg\], and up to `most` contact points.
     pub(crate) fn new(n: usize, mass: f64, most: usize) -> Self {
@@ -87,12 +92,17 @@ impl Impulses {
             falling: vec![0.0; rows],
             target: vec![0.0; most],
             overlapping: vec![false; most],
-            inverse_mass: 1.0 / mass.max(f64::MIN_POSITIVE),
+            inverse_mass: inverse(mass),
             sum: vec![0.0; n],
             cone: ConeSolver::new(most),
             keys: Vec::with_capacity(most),
             last: Vec::with_capacity(most),
         }
+    }
+
+    /// Takes over another mass of the robot \[kg\].
+    pub(crate) fn set_mass(&mut self, mass: f64) {
+        self.inverse_mass = inverse(mass);
     }
 
     /// Forgets the last step.

@@ -7,7 +7,7 @@ use super::colliders::{Collider, Colliders, Owner};
 use super::detect::{ContactPoint, Detector, DetectorState};
 use super::impulses::Impulses;
 use super::objects::{FreeBody, Objects};
-use crate::World;
+use crate::{Surface, World};
 
 /// Colliders, their poses, their contact points, and the impulses there.
 pub(crate) struct ContactScene {
@@ -42,6 +42,12 @@ impl ContactScene {
     /// The colliders.
     pub(crate) fn colliders(&self) -> &Colliders {
         &self.colliders
+    }
+
+    /// Takes over a surface for each collider, and the mass of the robot \[kg\].
+    pub(crate) fn set_properties(&mut self, surfaces: &[Surface], mass: f64) {
+        self.colliders.set_surfaces(surfaces);
+        self.impulses.set_mass(mass);
     }
 
     /// Takes pairs of colliders out of the detection. The poses must be [set](Self::set_poses) anew.

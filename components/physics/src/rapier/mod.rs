@@ -13,11 +13,12 @@ mod multibody;
 mod scene;
 mod shapes;
 
-use motorium_robots::Collisions;
+use motorium_robots::FrameId;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use crate::articulated::{JointSpaceIntegrator, Mode};
 use crate::contact::{Colliders, Owner};
+use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
@@ -50,20 +51,20 @@ pub struct Rapier {
     multibody: Multibody,
     /// The multibody must be placed at the robot's state before the next step.
     stale: bool,
+    /// A wrench from outside acts in the next step.
+    pushed: bool,
     /// Per joint: the last step pushed its drive beyond its limit, so that in the next the limit itself acts.
     overdriven: Vec<bool>,
     /// Length of the last step \[s\].
     dt: f64,
 }
 
-/// Links that start closer than this never touch each other \[m\].
-const TOO_CLOSE: f64 = 0.010;
-
 /// The state of a [`Rapier`] engine that later steps depend on.
 pub struct RapierState {
     scene: SceneState,
     modes: Vec<Mode>,
     stale: bool,
+    pushed: bool,
     overdriven: Vec<bool>,
     dt: f64,
 }
@@ -87,6 +88,9 @@ impl Engine for Rapier {
         if world.terrain.is_some() {
             return Err(BuildError::Terrain);
         }
+        if setup.actuators.iter().any(Option::is_some) {
+            return Err(BuildError::IdealDrives);
+        }
         if options.substeps != 1 {
             let (value, expected) =
                 (options.substeps as f64, "1: rapier takes `contact_iterations` steps always");
@@ -106,6 +110,7 @@ impl Engine for Rapier {
             integrator: JointSpaceIntegrator::new(model, robot.joints.clone()),
             overdriven: vec![false; robot.joints.len()],
             stale: true,
+            pushed: false,
             dt: 1e-3,
             options: *options,
             colliders,
@@ -114,31 +119,35 @@ impl Engine for Rapier {
         })
     }
 
+    fn surfaces(&self) -> Vec<Surface> {
+        self.colliders.surfaces()
+    }
+
+    fn set_properties(&mut self, robot: &Robot, surfaces: &[Surface]) {
+        self.integrator.set_joints(&robot.joints);
+        self.colliders.set_surfaces(surfaces);
+    }
+
+    fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {
+        let Some(body) = robot.model.frames()[link.index()].body else { return };
+        // Rapier places the links, and knows their centres of mass, in its first step only.
+        let com = robot.kinematics.body_pose(body) * Point3::from(robot.model.bodies()[body].inertia.com);
+        let arm = robot.kinematics.pose(&robot.model, link) * point - com;
+        let [force, torque] = wrench;
+        self.multibody.push(&mut self.scene, body, [force, torque + arm.cross(&force)]);
+        self.pushed = true;
+    }
+
     fn reset(&mut self, robot: &Robot, world: &World) {
         self.integrator.forget();
         // A fresh scene: rapier warm-starts from old contacts, and a run must depend on its start alone.
         let enclose = self.scene.enclosure();
         (self.scene, self.multibody) = populate(robot, world, &self.options, &self.colliders, enclose);
-        self.stale = true;
+        (self.stale, self.pushed) = (true, false);
     }
 
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
-        let model = &self.colliders.model;
-        let mut distances = Collisions::new(model);
-        distances.update(model, &robot.kinematics);
-        let mut close = Vec::new();
-        for proximity in distances.within(model, TOO_CLOSE) {
-            let pair = model.pairs()[proximity.pair];
-            let [first, second] = pair.map(|index| model.link(index).to_owned());
-            if self.colliders.both_links(pair) {
-                close.push(pair);
-                let distance = proximity.distance.max(0.0);
-                warnings.push(BuildWarning::SelfCollisionOff { first, second, distance });
-            } else if pair[0] < self.colliders.first_object && proximity.distance <= 0.0 {
-                warnings.push(BuildWarning::StartsInside { link: first, other: second });
-            }
-        }
-        self.colliders.exclude(&close);
+        self.colliders.exclude_close(&robot.kinematics, warnings);
         self.pairs = PairTable::new(self.colliders.colliders.len(), self.colliders.model.pairs());
     }
 
@@ -157,9 +166,12 @@ impl Engine for Rapier {
         Ok(report)
     }
 
-    fn commit(&mut self) {}
+    fn commit(&mut self, _: &Robot, _: f64) {
+        self.let_go();
+    }
 
     fn discard(&mut self) {
+        self.let_go();
         self.stale = true;
     }
 
@@ -168,6 +180,7 @@ impl Engine for Rapier {
             scene: self.scene.save(),
             modes: self.integrator.modes().to_vec(),
             stale: self.stale,
+            pushed: self.pushed,
             overdriven: self.overdriven.clone(),
             dt: self.dt,
         }
@@ -178,7 +191,7 @@ impl Engine for Rapier {
             return false;
         }
         self.scene.restore(&state.scene);
-        (self.stale, self.dt) = (state.stale, state.dt);
+        (self.stale, self.pushed, self.dt) = (state.stale, state.pushed, state.dt);
         self.overdriven.copy_from_slice(&state.overdriven);
         true
     }
@@ -206,6 +219,15 @@ impl Engine for Rapier {
 
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {
         self.scene.visit_contacts(&self.colliders.colliders, self.dt, visit);
+    }
+}
+
+impl Rapier {
+    /// Ends the wrenches from outside.
+    fn let_go(&mut self) {
+        if std::mem::take(&mut self.pushed) {
+            self.multibody.let_go(&mut self.scene);
+        }
     }
 }
 

@@ -158,6 +158,22 @@ impl Multibody {
         link.joint.set_spring(axis(joint.kind) as usize, MILLIGRAMS * stiffness, rest);
     }
 
+    /// Applies a force and a torque \[N, Nm, world axes\] at the centre of mass of a body, until it [lets
+    /// go](Self::let_go).
+    pub(super) fn push(&self, scene: &mut Scene, body: usize, [force, torque]: [Vector3<f64>; 2]) {
+        let link = &mut scene.bodies[self.links[body]];
+        link.add_force(convert::vector(&(force * MILLIGRAMS)), true);
+        link.add_torque(convert::vector(&(torque * MILLIGRAMS)), true);
+    }
+
+    /// Ends all that [pushes](Self::push).
+    pub(super) fn let_go(&self, scene: &mut Scene) {
+        for link in &self.links {
+            scene.bodies[*link].reset_forces(false);
+            scene.bodies[*link].reset_torques(false);
+        }
+    }
+
     /// Reads position and velocity of the independent joints.
     pub(super) fn read(&self, model: &Model, scene: &Scene, q: &mut [f64], v: &mut [f64]) {
         for (column, (q, v)) in q.iter_mut().zip(v).enumerate() {

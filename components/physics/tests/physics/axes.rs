@@ -3,7 +3,7 @@
 use motorium_physics::{JointCommand, Options, World};
 use motorium_robots::{MimicMode, Model, PackagePath, parse_urdf};
 
-use crate::engines::ENGINES;
+use crate::engines::engines;
 
 /// A rod that hangs sideways from a horizontal hinge: the joint frame is turned so that its z axis is the world's y
 /// axis.
@@ -19,7 +19,7 @@ fn rod(axis: &str) -> Model {
 
 #[test]
 fn an_axis_within_rounding_of_minus_z_turns_as_minus_z_with_every_engine() {
-    for engine in ENGINES {
+    for engine in engines() {
         let fall = |axis: &str| {
             let mut simulation = engine.simulate(rod(axis), World::default(), &[0.0], Options::default());
             simulation.commands_mut().fill(JointCommand::default());
@@ -49,7 +49,7 @@ fn the_contact_solver_turns_such_an_axis_as_the_free_motion_does() {
             <child link="rod"/><axis xyz="{axis}"/><limit lower="-3" upper="3" velocity="10" effort="100"/></joint></robot>"#
         );
         let model = parse_urdf(&text, None, MimicMode::Follow, &PackagePath::default()).unwrap().model;
-        for engine in ENGINES {
+        for engine in engines() {
             let world = World { ground: Some(motorium_physics::Ground::default()), ..World::default() };
             let mut simulation = engine.simulate(model.clone(), world, &[0.0], Options::default());
             (0..2000).for_each(|_| _ = simulation.step(1e-3).unwrap());

@@ -1,8 +1,8 @@
-//! `physics.articulated` and `physics.rapier` in a graph: in lockstep, hosted in this process.
+//! `physics.articulated`, `physics.rapier` and `physics.mujoco` in a graph: in lockstep, hosted in this process.
 
 use std::path::PathBuf;
 
-use motorium::component::{Component, ConfigureError, Setup, Tick};
+use motorium::component::{Component, ConfigureError, Episode, Setup, Tick};
 use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
 use motorium::graph;
 use motorium::launcher::{Exit, Options, Report};
@@ -11,7 +11,9 @@ use motorium::session::run;
 use motorium::state::{BaseState, JointCommand, JointState};
 use motorium::transport::{Input, Output};
 use motorium::worker::{Kind, Registry, RobotSource};
-use motorium_physics::{ArticulatedPhysics, RapierPhysics};
+use motorium_physics::{ArticulatedPhysics, MujocoPhysics, RapierPhysics};
+
+use crate::engines::has_mujoco;
 
 const KINDS: [&str; 2] = ["physics.articulated", "physics.rapier"];
 
@@ -35,6 +37,7 @@ struct Driver {
 impl Component for Driver {
     const KIND: &'static str = "test.driver";
     const SUMMARY: &'static str = "sends joints to an offset";
+    const RESETS: bool = true;
     type Config = DriverConfig;
 
     fn declare(_: &DriverConfig, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -65,6 +68,12 @@ impl Component for Driver {
             command.position_mut().iter_mut().zip(goals).for_each(|(position, goal)| *position = goal);
             command.publish()?;
         }
+        Ok(())
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.start = None;
+        self.last.clear();
         Ok(())
     }
 
@@ -125,6 +134,7 @@ pub(crate) fn registry() -> Registry {
         [
             Kind::of::<ArticulatedPhysics>(),
             Kind::of::<RapierPhysics>(),
+            Kind::of::<MujocoPhysics>(),
             Kind::of::<Driver>(),
             Kind::of::<Watcher>(),
         ],
@@ -180,7 +190,7 @@ fn numbers(value: &serde_json::Value) -> Vec<f64> {
 
 #[test]
 fn a_commanded_arm_arrives_without_allocating_and_twice_the_same() {
-    for kind in KINDS {
+    for kind in KINDS.into_iter().chain(has_mujoco().then_some("physics.mujoco")) {
         let runs = [0, 1].map(|_| run_for(2, kind, "offset = 0.1, until = 100000, stiffness = 2000.0"));
         for report in &runs {
             assert_eq!(report.exit, Exit::Finished, "{report:?}");
@@ -193,7 +203,7 @@ fn a_commanded_arm_arrives_without_allocating_and_twice_the_same() {
             }
             let physics = report.components.iter().find(|component| component.name == "physics").unwrap();
             assert_eq!(physics.allocations, Some(0), "{kind}");
-            assert_eq!(physics.allocations_apart == Some(0), kind == "physics.articulated");
+            assert_eq!(physics.allocations_apart == Some(0), kind != "physics.rapier");
             assert!(report.results["physics"]["steps"].as_u64().unwrap() >= 1999);
         }
         assert!(runs[0].state_hash.is_some());
@@ -302,6 +312,21 @@ fn a_robot_with_a_floating_base_stands_by_its_safe_state_and_publishes_where_its
         let component = report.components.iter().find(|component| component.name == "physics").unwrap();
         assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
     }
+}
+
+#[test]
+fn a_quadruped_stands_in_mujoco_where_it_stands_in_ours() {
+    if !has_mujoco() {
+        return;
+    }
+    let text = legged_text("quadruped", "", BASE).replace("physics.articulated", "physics.mujoco");
+    let mut plan = check(text).unwrap_or_else(|error| panic!("{error}")).plan;
+    plan.duration_ns = Some(2_000_000_000);
+    let report = run(plan, &registry(), &Options::threads(), &mut |_| ()).unwrap();
+    assert_eq!(report.exit, Exit::Finished, "{report:?}");
+    let watcher = &report.results["watcher"];
+    assert!((numbers(&watcher["position"])[2] - 0.2294).abs() < 3e-3, "{watcher}");
+    assert!(numbers(&watcher["velocity"]).iter().all(|v| v.abs() < 1e-2), "{watcher}");
 }
 
 #[test]

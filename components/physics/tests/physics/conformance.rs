@@ -5,7 +5,7 @@ use motorium_physics::{ForeignState, Ground, JointCommand, Object, ObjectShape, 
 use motorium_robots::{Model, Placed};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::engines::{ENGINES, Engine};
+use crate::engines::{Engine, engines};
 use crate::panda;
 
 const DT: f64 = 1e-3;
@@ -52,7 +52,7 @@ fn swing(simulation: &mut dyn Simulator, from: u32, steps: u32) -> Vec<u64> {
 
 #[test]
 fn a_restored_state_goes_on_to_the_bit_as_it_did_before() {
-    for engine in ENGINES {
+    for engine in engines() {
         let mut simulation = scene(engine);
         swing(&mut *simulation, 0, 700);
         let saved = simulation.save();
@@ -69,7 +69,9 @@ fn a_restored_state_goes_on_to_the_bit_as_it_did_before() {
 
 #[test]
 fn a_state_of_another_engine_or_world_is_refused_and_nothing_changes() {
-    for (engine, other) in [(ENGINES[0], ENGINES[1]), (ENGINES[1], ENGINES[0])] {
+    let all: Vec<Engine> = engines().collect();
+    for (index, engine) in all.iter().copied().enumerate() {
+        let other = all[(index + 1) % all.len()];
         let mut simulation = scene(engine);
         swing(&mut *simulation, 0, 10);
         let before: Vec<f64> = simulation.configuration().to_vec();
@@ -82,7 +84,7 @@ fn a_state_of_another_engine_or_world_is_refused_and_nothing_changes() {
 
 #[test]
 fn rays_meet_ground_objects_and_links_where_they_are() {
-    for engine in ENGINES {
+    for engine in engines() {
         let mut simulation = scene(engine);
         let down = -Vector3::z();
         let hit = simulation.cast_ray(Point3::new(2.0, 2.0, 1.5), down * 3.0, 5.0).unwrap();
@@ -112,7 +114,7 @@ fn rays_meet_ground_objects_and_links_where_they_are() {
 
 #[test]
 fn forces_of_contacts_carry_what_rests_on_them() {
-    for engine in ENGINES {
+    for engine in engines() {
         let mut simulation = scene(engine);
         panda::command_hold(&mut *simulation, &panda::home());
         for step in 0..1500 {
@@ -137,7 +139,7 @@ fn forces_of_contacts_carry_what_rests_on_them() {
 
 #[test]
 fn two_robots_in_one_world_feel_the_same_objects() {
-    for engine in ENGINES {
+    for engine in engines() {
         let panda = panda::loaded().model;
         let turned = Isometry3::rotation(Vector3::z() * core::f64::consts::PI);
         let places = [Isometry3::identity(), Isometry3::translation(1.4, 0.0, 0.0) * turned];
@@ -165,9 +167,9 @@ fn two_robots_in_one_world_feel_the_same_objects() {
 
 #[test]
 fn what_an_engine_says_it_can_is_so() {
-    for engine in ENGINES {
+    for engine in engines() {
         let simulation = scene(engine);
-        assert_eq!(simulation.capabilities().allocation_free, engine == Engine::Articulated);
+        assert_eq!(simulation.capabilities().allocation_free, engine != Engine::Rapier);
         let free = crate::legged::body(r#"<sphere radius="0.1"/>"#);
         let q = free.neutral();
         let floats = match engine {
@@ -177,6 +179,9 @@ fn what_an_engine_says_it_can_is_so() {
             }
             Engine::Rapier => {
                 motorium_physics::RapierSimulator::new(free, World::default(), &q, Options::default()).is_ok()
+            }
+            Engine::Mujoco => {
+                motorium_physics::MujocoSimulator::new(free, World::default(), &q, Options::default()).is_ok()
             }
         };
         assert_eq!(simulation.capabilities().floating_bases, floats, "{engine:?}");

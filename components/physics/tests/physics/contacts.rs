@@ -7,7 +7,7 @@ use motorium_physics::{
 use motorium_robots::{MimicMode, Model, PackagePath, Srdf, parse_urdf};
 use nalgebra::Isometry3;
 
-use crate::engines::{ENGINES, Engine};
+use crate::engines::{Engine, engines};
 use crate::panda;
 
 const DT: f64 = 1e-3;
@@ -36,7 +36,7 @@ fn ram() -> Model {
 
 #[test]
 fn a_box_falls_and_rests_on_the_ground_with_its_weight() {
-    for engine in ENGINES {
+    for engine in engines() {
         let cube = object("cube", ObjectShape::Box { size: [0.1; 3] }, Some(0.5), [1.0, 0.0, 0.3]);
         let mut simulation = panda::at_home(engine, grounded(vec![cube]), Options::default());
         let home = panda::home();
@@ -68,7 +68,7 @@ fn a_box_falls_and_rests_on_the_ground_with_its_weight() {
 
 #[test]
 fn objects_turn_as_their_shape_says() {
-    for engine in ENGINES {
+    for engine in engines() {
         // A rod spun about two axes: without torque its angular momentum stays.
         let rod =
             object("rod", ObjectShape::Cylinder { radius: 0.01, length: 0.2 }, Some(0.1), [1.0, 0.0, 1.0]);
@@ -97,7 +97,7 @@ fn objects_turn_as_their_shape_says() {
 
 #[test]
 fn a_robot_pressing_on_the_ground_feels_its_command() {
-    for engine in ENGINES {
+    for engine in engines() {
         let world = grounded(vec![]);
         let mut simulation = engine.simulate(ram(), world, &[0.2], Options::default());
         // Down to 3 cm inside the ground with 1 kN/m: weight and spring press together.
@@ -122,7 +122,7 @@ fn a_robot_pressing_on_the_ground_feels_its_command() {
 
 #[test]
 fn effort_limits_hold_while_pressing() {
-    for engine in ENGINES {
+    for engine in engines() {
         let mut simulation = engine.simulate(ram(), grounded(vec![]), &[0.07], Options::default());
         simulation.commands_mut()[0] = JointCommand::hold(-0.9, 10_000.0, 100.0);
         run(&mut *simulation, 1.0);
@@ -139,7 +139,7 @@ fn effort_limits_hold_while_pressing() {
 
 #[test]
 fn the_arm_pushes_an_object_and_is_pushed_back() {
-    for engine in ENGINES {
+    for engine in engines() {
         // The ram drives sideways here: a rail along x.
         let urdf = r#"<robot name="pusher"><link name="rail"/><link name="head"><inertial><mass value="2"/>
             <inertia ixx="0.002" iyy="0.002" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -159,15 +159,22 @@ fn the_arm_pushes_an_object_and_is_pushed_back() {
         let moved = simulation.object_pose(cube).translation.x - 0.2;
         // 3 s at 0.1 m/s, less the first 5 cm of air.
         assert!((moved - 0.25).abs() < 0.01, "{engine:?}: {moved} m");
-        // Sliding friction: mu m g.
-        let effort = simulation.efforts()[0];
+        // Sliding friction: mu m g. On MuJoCo's soft ground the cube rocks as it slides: there half a second's mean.
+        let samples = if engine == Engine::Mujoco { 500 } else { 1 };
+        let mut effort = 0.0;
+        for sample in 0..samples {
+            effort += simulation.efforts()[0] / f64::from(samples);
+            if sample + 1 < samples {
+                run(&mut *simulation, DT);
+            }
+        }
         assert!((effort - 0.4 * 9.81).abs() < 0.2, "{engine:?}: {effort} N");
     }
 }
 
 #[test]
 fn the_panda_closes_its_hand_on_a_cube_and_lifts_it() {
-    for engine in ENGINES {
+    for engine in engines() {
         let panda = panda::loaded();
         let profile = panda.profile.unwrap();
         let home = profile.home(&panda.model).unwrap();
@@ -248,7 +255,7 @@ fn both_engines_move_the_arm_alike() {
     // The same second of motion, far from everything.
     let home = panda::home();
     let mut ends = Vec::new();
-    for engine in ENGINES {
+    for engine in engines() {
         let substeps = if engine == Engine::Articulated { 4 } else { 1 };
         let options = Options { substeps, contact_iterations: 4, ..Options::default() };
         let mut simulation = panda::at_home(engine, World::default(), options);
@@ -271,7 +278,7 @@ fn both_engines_move_the_arm_alike() {
 
 #[test]
 fn a_reset_restores_robot_and_objects() {
-    for engine in ENGINES {
+    for engine in engines() {
         let ball = object("ball", ObjectShape::Sphere { radius: 0.05 }, Some(0.2), [1.0, 0.0, 0.5]);
         let mut simulation = panda::at_home(engine, grounded(vec![ball]), Options::default());
         let home = panda::home();

@@ -1,6 +1,11 @@
 //! The engines, for tests that hold for each of them.
 
-use motorium_physics::{ArticulatedSimulator, Options, RapierSimulator, Simulator, World};
+use std::io::Write;
+use std::sync::Once;
+
+use motorium_physics::{
+    ArticulatedSimulator, Mujoco, MujocoSimulator, Options, RapierSimulator, Simulator, World,
+};
 use motorium_robots::Model;
 
 /// An engine.
@@ -8,9 +13,25 @@ use motorium_robots::Model;
 pub(crate) enum Engine {
     Articulated,
     Rapier,
+    Mujoco,
 }
 
-pub(crate) const ENGINES: [Engine; 2] = [Engine::Articulated, Engine::Rapier];
+/// The engines that this machine has: the library of MuJoCo is not part of this repository.
+pub(crate) fn engines() -> impl Iterator<Item = Engine> {
+    [Engine::Articulated, Engine::Rapier].into_iter().chain(has_mujoco().then_some(Engine::Mujoco))
+}
+
+/// True if MuJoCo's library is here. Where it is not, that is said once, past the capture of the test's output.
+pub(crate) fn has_mujoco() -> bool {
+    static SAID: Once = Once::new();
+    let found = Mujoco::find();
+    if let Err(error) = &found {
+        SAID.call_once(|| {
+            let _ = writeln!(std::io::stderr(), "tests of physics.mujoco are not run: {error}");
+        });
+    }
+    found.is_ok()
+}
 
 impl Engine {
     /// A simulation of `model` in `world`, at rest at `q`.
@@ -24,6 +45,7 @@ impl Engine {
         match self {
             Self::Articulated => Box::new(ArticulatedSimulator::new(model, world, q, options).unwrap()),
             Self::Rapier => Box::new(RapierSimulator::new(model, world, q, options).unwrap()),
+            Self::Mujoco => Box::new(MujocoSimulator::new(model, world, q, options).unwrap()),
         }
     }
 }

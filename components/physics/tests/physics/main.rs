@@ -1,5 +1,6 @@
-//! Tests of the simulators, of their components in graphs, and of the two engines against each other.
+//! Tests of the simulators, of their components in graphs, and of the engines against each other.
 
+mod actuators;
 mod allocations;
 mod axes;
 mod batch;
@@ -16,8 +17,10 @@ mod floating_catalogue;
 mod gait;
 mod integrator;
 mod legged;
+mod mujoco;
 mod panda;
 mod pushes;
+mod randomise;
 mod several_robots;
 mod standing;
 mod terrain;

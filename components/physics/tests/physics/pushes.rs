@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use motorium::graph;
 use motorium::launcher::Options;
 use motorium::session::run;
-use motorium_physics::{ArticulatedSimulator, JointCommand, Options as Engine, Simulator, World};
+use motorium_physics::{
+    ArticulatedSimulator, JointCommand, Options as Engine, RapierSimulator, Simulator, World,
+};
 use motorium_robots::{Dynamics, load};
 use nalgebra::{Point3, Vector3};
 
@@ -106,9 +108,62 @@ fn pushes_that_cannot_be_applied_are_refused_by_their_key() {
         ),
         ("physics.articulated", "quadruped", "duration = \"0 s\", force = [1.0, 0.0, 0.0]", "duration"),
         ("physics.articulated", "quadruped", "duration = \"1 s\", force = [inf, 0.0, 0.0]", "force"),
-        ("physics.rapier", "panda", "duration = \"1 s\", force = [1.0, 0.0, 0.0]", "physics.articulated"),
+        ("physics.rapier", "panda", "duration = \"1 s\", torque = [nan, 0.0, 0.0]", "torque"),
+        ("physics.articulated", "quadruped", "duration = \"1 s\"", "neither a force nor a torque"),
     ] {
         let error = check(text(kind, robot, &push(rest))).map(|_| ()).unwrap_err().render(false);
         assert!(error.contains(expected) && error.contains("pushes"), "{rest}: {error}");
+    }
+}
+
+/// Without contacts, friction and gravity a wrench on a link is the generalized force `J' f`: from rest `M a = J' f`.
+#[test]
+fn a_wrench_on_a_link_accelerates_an_arm_as_its_jacobian_says_in_both_engines() {
+    let arm = load("panda", std::path::Path::new(".")).unwrap();
+    let mut q = arm.profile.unwrap().home(&arm.model).unwrap().as_slice().to_vec();
+    q[7] = 0.02;
+    let free = motorium_robots::BodyFactors { damping: 0.0, friction: 0.0, ..Default::default() };
+    let model = arm.model.with_factors(1.0, &vec![free; arm.model.bodies().len()]);
+    let world = World { gravity: [0.0; 3], ..World::default() };
+    let (link, point) = (model.frame("panda_hand").unwrap(), Point3::new(0.03, -0.02, 0.1));
+    let (force, torque) = (Vector3::new(4.0, -3.0, 6.0), Vector3::new(-0.5, 0.8, 0.3));
+    let mut kinematics = motorium_robots::Kinematics::new(&model);
+    kinematics.update(&model, &q);
+    let mut jacobian = nalgebra::Matrix6xX::zeros(model.nv());
+    kinematics.jacobian(&model, link, motorium_robots::Reference::LocalWorldAligned, &mut jacobian);
+    let arm = kinematics.pose(&model, link).rotation * point.coords;
+    let moment = torque + arm.cross(&force);
+    let wrench = nalgebra::Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
+    let tau = jacobian.transpose() * wrench;
+    let mut expected = vec![0.0; model.nv()];
+    let rest = vec![0.0; model.nv()];
+    Dynamics::new(&model)
+        .forward(&model, &q, &rest, tau.as_slice(), Vector3::zeros(), &mut expected)
+        .unwrap();
+    let h = 1e-4;
+    let mut ours = ArticulatedSimulator::new(model.clone(), world.clone(), &q, Engine::default()).unwrap();
+    let mut rapier = RapierSimulator::new(model.clone(), world, &q, Engine::default()).unwrap();
+    let engines: [(&str, &mut dyn Simulator); 2] = [("articulated", &mut ours), ("rapier", &mut rapier)];
+    let largest = expected.iter().fold(0.0_f64, |most, a| most.max(a.abs()));
+    for (name, simulator) in engines {
+        simulator.commands_mut().fill(JointCommand::default());
+        // the second step, too: nothing of the first stays
+        let mut before = rest.clone();
+        for step in 0..3 {
+            if step != 1 {
+                simulator.apply_wrench(link, point, force, torque);
+            }
+            simulator.step(h).unwrap();
+            let after = simulator.velocity().to_vec();
+            for (joint, ((after, before), expected)) in after.iter().zip(&before).zip(&expected).enumerate() {
+                let expected = if step == 1 { 0.0 } else { *expected };
+                let found = (after - before) / h;
+                assert!(
+                    (found - expected).abs() < 0.02 * largest,
+                    "{name}, step {step}, joint {joint}: {found}, {expected}"
+                );
+            }
+            before = after;
+        }
     }
 }

@@ -1,10 +1,12 @@
 //! `sensor.imu`: an inertial measurement unit as a component.
 
 use motorium::prelude::*;
+use motorium::state::Randomisation;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::loads::Drawn;
 use super::readings::{Readings, refused};
 use super::robot::{Mount, Needs, TrueMotion};
 use crate::channel::{Channel, ErrorModel, Timing};
@@ -77,6 +79,7 @@ impl ImuConfig {
 /// It samples the true motion at its own rate, or at that of its trigger; a reading is the mean since the last sample.
 pub struct Imu {
     motion: TrueMotion,
+    drawn: Drawn,
     sample: Output<ImuSample>,
     config: ImuConfig,
     model: ImuModel,
@@ -98,6 +101,7 @@ impl Component for Imu {
         config.models(0)?;
         Readings::declare(&config.timing(), declare)?;
         TrueMotion::declare(&config.mount, Needs::Place, declare)?;
+        Drawn::declare(declare);
         declare.output::<ImuSample>("imu", "specific force and angular velocity in the axes of the sensor");
         Ok(())
     }
@@ -107,6 +111,7 @@ impl Component for Imu {
         let (model, attitude) = config.models(seed)?;
         Ok(Self {
             motion: TrueMotion::open(&config.mount, Needs::Place, setup)?,
+            drawn: Drawn::open(setup)?,
             sample: setup.output("imu")?,
             readings: Readings::new(&config.timing(), WIDTH, setup.period(), seed)?,
             model,
@@ -118,6 +123,10 @@ impl Component for Imu {
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         if let Some(motion) = self.motion.newest()? {
             let rotation = motion.pose.rotation;
+            if let Some(drawn) = self.drawn.newest(tick) {
+                let factor = drawn.find(Randomisation::GRAVITY, 0).unwrap_or(1.0);
+                self.model.set_gravity(Vector3::from(self.config.gravity) * factor);
+            }
             let truth = SensorMotion { rotation, velocity: motion.linear };
             if let Some(reading) = self.model.sample(motion.times.state, &truth) {
                 let mut tilt = [0.0; 3];
@@ -144,6 +153,7 @@ impl Component for Imu {
         (self.model, self.attitude) = models;
         self.readings.reset(seed);
         self.motion.reset();
+        self.drawn.reset();
         Ok(())
     }
 

@@ -170,6 +170,11 @@ impl TrueMotion {
         &self.model
     }
 
+    /// Position and velocity of the joints, as of the motion that was read last.
+    pub(super) fn joints(&self) -> (&[f64], &[f64]) {
+        (self.model.joints_of_q(&self.q), self.model.joints_of_v(&self.v))
+    }
+
     /// Poses of the links, as of the motion that was read last.
     pub(super) fn kinematics(&self) -> &Kinematics {
         &self.kinematics

@@ -9,6 +9,7 @@ mod encoder;
 mod estimator;
 mod imu;
 mod invariant;
+mod loads;
 mod pictures;
 mod place;
 mod rays;

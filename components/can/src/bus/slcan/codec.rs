@@ -39,8 +39,8 @@ pub fn write(frame: &Frame, line: &mut [u8; LONGEST]) -> usize {
         Id::Extended(id) => (8, id),
     };
     let kind = match (frame.form, digits) {
-        (Form::Classic, 3) => b't',
-        (Form::Classic, _) => b'T',
+        (Form::Classic | Form::Packet, 3) => b't',
+        (Form::Classic | Form::Packet, _) => b'T',
         (Form::Fd, 3) => b'd',
         (Form::Fd, _) => b'D',
         (Form::FdFast, 3) => b'b',

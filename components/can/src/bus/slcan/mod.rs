@@ -5,7 +5,6 @@
 //! network interfaces.
 
 mod codec;
-mod serial;
 
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
@@ -16,6 +15,7 @@ use crate::bus::time::monotonic_ns;
 
 use super::bits::Rates;
 use super::report::{ErrorState, Report};
+use super::serial;
 use super::socket::{Condition, OpenError, SocketCounts};
 use super::{Bus, Received};
 use crate::frame::{Frame, Id};

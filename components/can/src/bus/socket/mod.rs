@@ -5,6 +5,8 @@
 //! about itself becomes the bus's [`Condition`] and is counted.
 
 mod batch;
+mod condition;
+mod error;
 mod hardware;
 mod interface;
 mod raw;
@@ -20,171 +22,11 @@ use crate::bus::time::{monotonic_ns, realtime_ns};
 use crate::frame::{Frame, Id};
 use batch::Batch;
 pub(crate) use batch::Waiting;
+pub use condition::{Condition, SocketCounts};
+pub use error::OpenError;
 pub use hardware::HardwareClock;
 pub use interface::Interface;
 use raw::Delivered;
-
-/// The condition of a bus.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Condition {
-    /// It sends and receives.
-    #[default]
-    Active,
-    /// It sends and receives; its controller has counted many errors.
-    Warning,
-    /// It sends and receives; its controller has counted so many errors that it reports none of them to others.
-    Passive,
-    /// Its controller has left the bus.
-    Off,
-    /// The interface is down.
-    Down,
-    /// There is no such interface any more.
-    Gone,
-}
-
-impl Condition {
-    /// True if frames can be sent.
-    pub fn can_send(self) -> bool {
-        matches!(self, Self::Active | Self::Warning | Self::Passive)
-    }
-
-    /// Its name, as results and tables have it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Active => "active",
-            Self::Warning => "warning",
-            Self::Passive => "passive",
-            Self::Off => "bus-off",
-            Self::Down => "down",
-            Self::Gone => "gone",
-        }
-    }
-}
-
-impl From<ErrorState> for Condition {
-    fn from(state: ErrorState) -> Self {
-        match state {
-            ErrorState::Active => Self::Active,
-            ErrorState::Warning => Self::Warning,
-            ErrorState::Passive => Self::Passive,
-            ErrorState::Off => Self::Off,
-        }
-    }
-}
-
-/// Counts of what has happened on a bus of the kernel since it was opened.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SocketCounts {
-    /// Reports of the controller.
-    pub reports: u64,
-    /// Frames that nobody acknowledged.
-    pub unacknowledged: u64,
-    /// Frames that were disturbed, of any node.
-    pub disturbed: u64,
-    /// Times that the controller left the bus.
-    pub bus_off: u64,
-    /// Batches of which frames were not taken because the interface's queue was full.
-    pub queue_full: u64,
-    /// Times that the interface went down or away.
-    pub down: u64,
-    /// Frames that were received and lost for want of room: in the socket, or in the controller as it reports.
-    pub overflows: u64,
-    /// Remote requests, and what is no frame.
-    pub other: u64,
-}
-
-/// An interface that cannot be opened.
-#[derive(Debug, thiserror::Error)]
-pub enum OpenError {
-    /// The kernel knows no sockets of CAN.
-    #[error("this kernel has no CAN sockets: {0}")]
-    NoCan(io::Error),
-    /// There is no such interface.
-    #[error("there is no CAN interface `{name}`: {}", there_is(.found))]
-    Missing {
-        /// The name asked for.
-        name: String,
-        /// Those that there are.
-        found: Vec<String>,
-    },
-    /// It is down.
-    #[error("the CAN interface `{0}` is down")]
-    Down(String),
-    /// It takes no CAN FD frames.
-    #[error("the CAN interface `{0}` takes classic frames only, and the bus has a data bitrate")]
-    Classic(String),
-    /// It has another bitrate than the bus is said to have.
-    #[error("the CAN interface `{name}` has {found} bit/s, the bus {expected} bit/s")]
-    Bitrate {
-        /// Its name.
-        name: String,
-        /// Its bitrate.
-        found: u32,
-        /// That of the bus.
-        expected: u32,
-    },
-    /// There is no such serial line.
-    #[error("there is no serial line `{0}`")]
-    NoLine(String),
-    /// An adapter on a serial line knows no such bitrate.
-    #[error("the adapter on `{name}` knows no {rate} bit/s")]
-    NoBitrate {
-        /// The serial line.
-        name: String,
-        /// The bitrate asked for.
-        rate: u32,
-    },
-    /// The kernel, or the adapter on a serial line, refused.
-    #[error("`{0}` cannot be opened: {1}")]
-    Refused(String, io::Error),
-}
-
-fn there_is(found: &[String]) -> String {
-    if found.is_empty() { "there is none at all".into() } else { format!("there is {}", found.join(", ")) }
-}
-
-impl OpenError {
-    /// Advice on the next step.
-    pub fn advice(&self) -> String {
-        match self {
-            Self::NoCan(_) => {
-                "load it: `sudo modprobe can_raw`; a container needs the CAN of its host".into()
-            }
-            Self::Missing { name, .. } if name.starts_with("vcan") => format!(
-                "make it: `sudo modprobe vcan && sudo ip link add {name} type vcan && sudo ip link set {name} mtu 72 up`"
-            ),
-            Self::Missing { .. } => {
-                "plug the adapter in, or name another: `ip -details link show type can` lists them".into()
-            }
-            Self::Down(name) if name.starts_with("vcan") => {
-                format!("bring it up: `sudo ip link set {name} up`")
-            }
-            Self::Down(name) => {
-                format!(
-                    "bring it up with the bitrate of the drives: `sudo ip link set {name} up type can bitrate 1000000`"
-                )
-            }
-            Self::Classic(name) => format!(
-                "leave `data_bitrate` out, or bring it up as CAN FD: `sudo ip link set {name} up type can bitrate 1000000 dbitrate 5000000 fd on`"
-            ),
-            Self::Bitrate { name, expected, .. } => format!(
-                "set it: `sudo ip link set {name} down && sudo ip link set {name} up type can bitrate {expected}`, or correct the table of the bus"
-            ),
-            Self::NoLine(_) => {
-                "plug the adapter in: `ls /dev/serial/by-id` lists the lines that there are".into()
-            }
-            Self::NoBitrate { .. } => {
-                "slcan knows 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s, and 2 and 5 Mbit/s for data".into()
-            }
-            Self::Refused(name, _) if name.starts_with('/') => {
-                "join the group of serial lines (`sudo usermod -aG dialout $USER`), and see that no other program has it".into()
-            }
-            Self::Refused(..) => {
-                "look for the cause in `dmesg`, and whether this user may use CAN sockets".into()
-            }
-        }
-    }
-}
 
 /// A bus of the kernel.
 ///

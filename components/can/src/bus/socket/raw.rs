@@ -17,7 +17,7 @@ pub(super) fn to_kernel(frame: &Frame) -> canfd_frame {
         Id::Extended(id) => id | CAN_EFF_FLAG,
     };
     let flags = match frame.form {
-        Form::Classic => 0,
+        Form::Classic | Form::Packet => 0,
         Form::Fd => IS_FD,
         Form::FdFast => IS_FD | FAST,
     };

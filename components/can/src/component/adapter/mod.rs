@@ -116,6 +116,7 @@ impl Component for CanAdapter {
             buses.push(BusAccount::new(index, &bus.name, table.rates(index), health));
         }
         let mut adapter = Adapter::new(&table, &order, &damping, on_trip);
+        adapter.set_cycle(setup.period().as_nanos() as u64);
         let clock = setup.clock();
         let exchange = if interfaces::are_real(&table, clock.kind()).map_err(ConfigureError::Config)? {
             let within = answer_within(&config, Some(setup.period())).map_err(ConfigureError::Config)?;

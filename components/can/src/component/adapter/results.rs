@@ -21,6 +21,7 @@ impl CanAdapter {
                 "lost_in_cycle": counts.lost_in,
                 "faults": counts.faults,
                 "fault": link.fault().map(crate::mit::Fault::words),
+                "fault_code": link.fault().and_then(crate::mit::Fault::code),
                 "temperature_celsius": link.temperature(),
             });
             joints.insert(name.clone(), value);

@@ -11,7 +11,7 @@ use motorium::state::CanFrame;
 use super::adapter::BATCH;
 use super::faults::{Fault, FaultKind};
 use super::{Equipped, interfaces, load};
-use crate::{Frame, SimulatedDrive, Table, Transmission};
+use crate::{AnySimulatedDrive as Drive, Frame, Id, Overrides, Table, Transmission};
 
 pub use config::DriveSimulationConfig;
 use simulated::{Simulated, wires};
@@ -48,7 +48,7 @@ enum Lines {
 /// One joint with its drive.
 struct Axis {
     name: String,
-    drive: SimulatedDrive,
+    drive: Drive,
     gear: Transmission,
     bus: usize,
     /// Its node on the bus.
@@ -149,10 +149,8 @@ impl Component for DriveSimulation {
             }
             Lines::Sockets(sockets) => {
                 sockets.begin_faults(drives.faults, now_ns);
-                let full = sockets.receive(|index, frame, time_ns, answer| {
-                    drives.hear(index, frame, time_ns, &mut |_, frame, ready_ns| answer(frame, ready_ns));
-                });
-                drives.lost += full + sockets.send(now_ns);
+                sockets.receive(&mut drives, now_ns);
+                drives.lost += sockets.send(now_ns);
             }
         }
         self.lost += drives.lost;
@@ -189,7 +187,7 @@ struct Drives<'a> {
 }
 
 impl Drives<'_> {
-    /// All drives of a bus hear a frame; the one that it is for answers: its node, its answer, and when that is ready.
+    /// All drives of a bus hear a frame; those that it is for answer: the node, its answer, and when that is ready.
     fn hear(
         &mut self,
         index: usize,
@@ -197,35 +195,89 @@ impl Drives<'_> {
         time_ns: u64,
         answer_with: &mut dyn FnMut(Sender, Frame, u64),
     ) {
+        let Self { axes, faults, config, random, lost } = self;
+        let mut voice = Voice { faults, config, random, lost };
+        for axis in axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
+            let speaker = Speaker::of(axis);
+            let mut answer = |answer| voice.say(speaker, answer, time_ns, config.delay.ns, answer_with);
+            axis.drive.receive(frame, time_ns, &mut answer);
+        }
+    }
+
+    /// What the drives of a bus send by themselves until `now_ns`.
+    fn report(&mut self, index: usize, now_ns: u64, answer_with: &mut dyn FnMut(Sender, Frame, u64)) {
+        let Self { axes, faults, config, random, lost } = self;
+        let mut voice = Voice { faults, config, random, lost };
+        for axis in axes.iter_mut().filter(|axis| axis.bus == index) {
+            let (speaker, is_on_bus) = (Speaker::of(axis), axis.is_on_bus());
+            axis.drive.report(now_ns, &mut |frame, time_ns| {
+                if is_on_bus {
+                    voice.say(speaker, frame, time_ns, 0, answer_with);
+                }
+            });
+        }
+    }
+}
+
+/// The drive that sends a frame.
+#[derive(Clone, Copy)]
+struct Speaker {
+    entry: usize,
+    node: usize,
+    is_odrive: bool,
+}
+
+impl Speaker {
+    fn of(axis: &Axis) -> Self {
+        Self { entry: axis.entry, node: axis.node, is_odrive: matches!(axis.drive, Drive::Odrive(_)) }
+    }
+}
+
+/// The way from a drive to its bus, with what befalls its frames.
+struct Voice<'a> {
+    faults: &'a [Fault],
+    config: &'a DriveSimulationConfig,
+    random: &'a mut u64,
+    lost: &'a mut u64,
+}
+
+impl Voice<'_> {
+    /// Sends a frame of a drive `delay_ns` after `time_ns`, unless something befalls it.
+    fn say(
+        &mut self,
+        speaker: Speaker,
+        frame: Frame,
+        time_ns: u64,
+        delay_ns: u64,
+        answer_with: &mut dyn FnMut(Sender, Frame, u64),
+    ) {
         let (faults, config) = (self.faults, self.config);
-        for axis in self.axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
-            let Some(answer) = axis.drive.receive(frame, time_ns) else { continue };
-            let has = |kind| faults.iter().find(|fault| fault.befalls(kind, axis.entry, time_ns));
-            let lost = config.loss > 0.0 && uniform(self.random) < config.loss;
-            if has(FaultKind::Silent).is_some() || lost {
-                self.lost += 1;
-                continue;
-            }
-            let jitter_ns = match config.jitter.ns {
-                0 => 0,
-                jitter => (uniform(self.random) * jitter as f64) as u64,
-            };
-            let late_ns = has(FaultKind::Late).map_or(0, |fault| fault.delay_ns);
-            let ready_ns = time_ns + config.delay.ns + jitter_ns + late_ns;
-            let answer = if has(FaultKind::WrongLength).is_some() {
-                Frame::new(answer.id, answer.form, &answer.data()[..5]).unwrap_or(answer)
-            } else if has(FaultKind::Corrupt).is_some() {
-                corrupt(answer)
-            } else {
-                answer
-            };
-            answer_with(Sender::Drive(axis.node), answer, ready_ns);
-            if has(FaultKind::Duplicate).is_some() {
-                answer_with(Sender::Drive(axis.node), answer, ready_ns);
-            }
-            if has(FaultKind::Twin).is_some() {
-                answer_with(Sender::Twin, elsewhere(answer), ready_ns);
-            }
+        let has = |kind| faults.iter().find(|fault| fault.befalls(kind, speaker.entry, time_ns));
+        let lost = config.loss > 0.0 && uniform(self.random) < config.loss;
+        if has(FaultKind::Silent).is_some() || lost {
+            *self.lost += 1;
+            return;
+        }
+        let jitter_ns = match config.jitter.ns {
+            0 => 0,
+            jitter => (uniform(self.random) * jitter as f64) as u64,
+        };
+        let late_ns = has(FaultKind::Late).map_or(0, |fault| fault.delay_ns);
+        let ready_ns = time_ns + delay_ns + jitter_ns + late_ns;
+        let frame = if has(FaultKind::WrongLength).is_some() {
+            let length = frame.data().len().min(6).saturating_sub(1);
+            Frame::new(frame.id, frame.form, &frame.data()[..length]).unwrap_or(frame)
+        } else if has(FaultKind::Corrupt).is_some() {
+            corrupt(frame, speaker.is_odrive)
+        } else {
+            frame
+        };
+        answer_with(Sender::Drive(speaker.node), frame, ready_ns);
+        if has(FaultKind::Duplicate).is_some() {
+            answer_with(Sender::Drive(speaker.node), frame, ready_ns);
+        }
+        if has(FaultKind::Twin).is_some() {
+            answer_with(Sender::Twin, elsewhere(frame), ready_ns);
         }
     }
 }
@@ -263,6 +315,16 @@ enum Sender {
     Twin,
 }
 
+impl Sender {
+    /// The node that it is, where `twin` is that of the other drive.
+    fn node(self, twin: usize) -> usize {
+        match self {
+            Self::Drive(node) => node,
+            Self::Twin => twin,
+        }
+    }
+}
+
 /// The answer of another drive with the same number, whose shaft stands elsewhere.
 fn elsewhere(mut answer: Frame) -> Frame {
     if let Some(position) = answer.data_mut().get_mut(1) {
@@ -271,10 +333,14 @@ fn elsewhere(mut answer: Frame) -> Frame {
     answer
 }
 
-/// An answer with a device or a state that there is not.
-fn corrupt(mut answer: Frame) -> Frame {
-    if let Some(first) = answer.data_mut().first_mut() {
-        *first ^= 0x70;
+/// An answer with a device, a state or a number that there is not.
+fn corrupt(mut answer: Frame, is_odrive: bool) -> Frame {
+    let is_heartbeat = matches!(answer.id, Id::Standard(id) if id & 0x1f == 0x01);
+    match answer.data_mut() {
+        [_, _, _, _, state, ..] if is_odrive && is_heartbeat => *state ^= 0x70,
+        [_, _, c, d, ..] if is_odrive => (*c, *d) = (*c | 0x80, *d | 0x7f),
+        [first, ..] => *first ^= 0x70,
+        [] => {}
     }
     answer
 }
@@ -300,17 +366,14 @@ fn axes(config: &DriveSimulationConfig, equipped: &Equipped) -> Result<Vec<Axis>
         }
     }
     let axis = |(name, &entry): (&String, &usize)| {
-        let (mut codec, drive) = (table.drive(entry), &table.drives[entry]);
-        let mut watchdog = drive.watchdog.ns;
+        let (drive, mut overrides) = (&table.drives[entry], Overrides::default());
         for set in config.set.iter().filter(|set| set.joint == *name) {
-            watchdog = set.watchdog.map_or(watchdog, |watchdog| watchdog.ns);
-            if let Some(torque) = set.torque {
-                codec.ranges.torque = crate::Range::symmetric(torque);
-            }
+            overrides.watchdog_ns = set.watchdog.map(|watchdog| watchdog.ns).or(overrides.watchdog_ns);
+            overrides.torque = set.torque.or(overrides.torque);
         }
         Axis {
             name: name.clone(),
-            drive: SimulatedDrive::new(codec, (watchdog > 0).then_some(watchdog)),
+            drive: Drive::new(table, entry, overrides),
             gear: table.transmission(entry),
             bus: table.bus_of(drive).unwrap_or(0),
             node: 0,

@@ -5,7 +5,7 @@ use motorium::prelude::*;
 use motorium::state::CanFrame;
 use motorium::transport::{SliceInput, SliceOutput};
 
-use super::{Axis, BABBLE_NS, Drives, Sender};
+use super::{Axis, BABBLE_NS, Drives};
 use crate::bus::simulated::Event;
 use crate::component::adapter::BATCH;
 use crate::component::faults::FaultKind;
@@ -131,17 +131,17 @@ impl Simulated {
 
     /// Moves a bus on to the present: drives hear what is delivered, and their answers are sent in turn.
     fn run_bus(&mut self, index: usize, now_ns: u64, drives: &mut Drives<'_>) {
+        let Wire { bus, twin, .. } = &mut self.buses[index];
+        drives.report(index, now_ns, &mut |sender, frame, ready_ns| {
+            bus.enqueue(sender.node(*twin), frame, ready_ns);
+        });
         while let Some(event) = self.buses[index].bus.next(now_ns) {
             let wire = &mut self.buses[index];
             match event {
                 Event::Delivered { sender: 0, frame, time_ns } => {
                     let Wire { bus, twin, .. } = wire;
                     drives.hear(index, &frame, time_ns, &mut |sender, answer, ready_ns| {
-                        let node = match sender {
-                            Sender::Drive(node) => node,
-                            Sender::Twin => *twin,
-                        };
-                        bus.enqueue(node, answer, ready_ns);
+                        bus.enqueue(sender.node(*twin), answer, ready_ns);
                     });
                 }
                 Event::Delivered { frame, time_ns, .. } if wire.bus.state(0) != ErrorState::Off => {

@@ -3,7 +3,7 @@
 use motorium::component::RunClock;
 use motorium::prelude::*;
 
-use super::{Axis, BABBLE_NS};
+use super::{Axis, BABBLE_NS, Drives, Sender};
 use crate::bus::{Bus, Received};
 use crate::component::adapter::BATCH;
 use crate::component::faults::{Fault, FaultKind};
@@ -59,8 +59,8 @@ impl Sockets {
                 return Err(ConfigError::key("faults", message)
                     .advise("script \"bus_off\" and \"disturbed\" on simulated and virtual buses"));
             }
-            let ids = axes.iter().filter(|axis| axis.bus == index).map(|axis| axis.drive.codec().id());
-            let ids: Vec<Id> = ids.chain([crate::damiao::EVERYBODY]).collect();
+            let ids = axes.iter().filter(|axis| axis.bus == index).flat_map(|axis| axis.drive.ids());
+            let ids: Vec<Id> = ids.collect();
             bus.receive_only(&ids).map_err(|error| {
                 ConfigError::key("drives", format!("the filters of `{}`: {error}", bus.name()))
             })?;
@@ -105,12 +105,8 @@ impl Sockets {
         }
     }
 
-    /// Lets `hear` have each frame that was received, with its bus and its time; what it returns is sent when its time has come.
-    /// Number of answers for which there was no room.
-    pub(super) fn receive(
-        &mut self,
-        mut hear: impl FnMut(usize, &Frame, u64, &mut dyn FnMut(Frame, u64)),
-    ) -> u64 {
+    /// Lets the drives hear each frame that was received, and report; what they say is sent when its time has come.
+    pub(super) fn receive(&mut self, drives: &mut Drives<'_>, now_ns: u64) {
         let start_ns = self.clock.stamp_ns(0);
         let Self { lines, inbox, pending, .. } = self;
         let mut lost = 0;
@@ -119,18 +115,20 @@ impl Sockets {
             if line.state == ErrorState::Off {
                 continue;
             }
+            let mut answer = |_: Sender, frame: Frame, ready_ns: u64| {
+                if pending.len() < PENDING {
+                    pending.push((ready_ns, index, frame));
+                } else {
+                    lost += 1;
+                }
+            };
+            drives.report(index, now_ns, &mut answer);
             for received in &inbox[..count] {
-                let mut answer = |frame: Frame, ready_ns: u64| {
-                    if pending.len() < PENDING {
-                        pending.push((ready_ns, index, frame));
-                    } else {
-                        lost += 1;
-                    }
-                };
-                hear(index, &received.frame, received.time_ns.saturating_sub(start_ns), &mut answer);
+                let time_ns = received.time_ns.saturating_sub(start_ns);
+                drives.hear(index, &received.frame, time_ns, &mut answer);
             }
         }
-        lost
+        drives.lost += lost;
     }
 
     /// Sends the answers whose time has come. How many the interfaces did not take.

@@ -8,7 +8,7 @@ mod service;
 
 use crate::frame::{DecodeError, Frame, Id, exactly};
 
-pub use service::{Object, Service, Value};
+pub use service::{Mapping, Object, Service, Value};
 
 /// A node of the network, 1 to 127.
 ///
@@ -164,6 +164,14 @@ pub fn sync() -> Frame {
     Frame::classic(Id::Standard(0x080), &[])
 }
 
+/// The frame of a heartbeat of the adapter, whose number is 127: the drives let go when it stays away.
+pub fn adapter_heartbeat() -> Frame {
+    Frame::classic(Id::Standard(0x700 | u16::from(ADAPTER)), &[NetworkState::Operational as u8])
+}
+
+/// The number of the adapter among the nodes.
+pub const ADAPTER: u8 = 127;
+
 /// An emergency message: error code, error register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Emergency {
@@ -174,12 +182,16 @@ pub struct Emergency {
 }
 
 impl Node {
+    /// The node with the lowest number.
+    pub(crate) const FIRST: Self = Self(1);
+
     /// The node with this number; `None` for 0 and beyond 127.
     pub fn new(node: u8) -> Option<Self> {
         (1..128).contains(&node).then_some(Self(node))
     }
 
-    fn id(self, base: u16) -> Id {
+    /// The identifier of one of its messages.
+    pub(crate) fn id(self, base: u16) -> Id {
         Id::Standard(base | u16::from(self.0))
     }
 
@@ -234,6 +246,12 @@ impl Node {
     pub fn emergency(self, frame: &Frame) -> Result<Emergency, DecodeError> {
         let [low, high, register, ..]: [u8; 8] = *exactly(frame, self.id(0x080))?;
         Ok(Emergency { code: u16::from_le_bytes([low, high]), register })
+    }
+
+    /// The node's side: the frame of an emergency message.
+    pub fn emergency_frame(self, emergency: &Emergency) -> Frame {
+        let [low, high] = emergency.code.to_le_bytes();
+        Frame::classic(self.id(0x080), &[low, high, emergency.register, 0, 0, 0, 0, 0])
     }
 
     /// The frame of the setpoints of one cycle: 6 bytes, in the torque mode 4.

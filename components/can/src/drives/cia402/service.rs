@@ -1,6 +1,6 @@
 //! Expedited service data: objects of up to four bytes, read and written in one frame each way.
 
-use super::Node;
+use super::{Mode, Node};
 use crate::frame::{DecodeError, Frame, exactly};
 
 /// An entry of the object dictionary.
@@ -23,10 +23,64 @@ impl Object {
     pub const STATUSWORD: Self = Self { index: 0x6041, subindex: 0 };
     /// The mode of operation.
     pub const MODE: Self = Self { index: 0x6060, subindex: 0 };
+    /// The rated torque of the motor, thousandths of N m.
+    pub const RATED_TORQUE: Self = Self { index: 0x6076, subindex: 0 };
     /// The time between two setpoints: units.
     pub const INTERPOLATION_UNITS: Self = Self { index: 0x60c2, subindex: 1 };
     /// The time between two setpoints: power of ten of the unit in seconds.
     pub const INTERPOLATION_EXPONENT: Self = Self { index: 0x60c2, subindex: 2 };
+}
+
+/// A frame of process data that is set up: its parameters, and the objects mapped into it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mapping {
+    /// Controlword and setpoint, which the node receives.
+    Setpoint,
+    /// Statusword and position, which it sends.
+    Position,
+    /// Velocity and torque, which it sends.
+    Motion,
+}
+
+impl Mapping {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Setpoint, Self::Position, Self::Motion];
+    /// Services that set one up.
+    pub const STEPS: u8 = 7;
+
+    /// Indices of its parameters and of its objects, the identifier of node 0, and the objects with their bits in the lowest
+    /// byte.
+    fn objects(self, mode: Mode) -> (u16, u16, u32, [u32; 2]) {
+        let target = match mode {
+            Mode::Position => 0x607a_0020,
+            Mode::Velocity => 0x60ff_0020,
+            Mode::Torque => 0x6071_0010,
+        };
+        match self {
+            Self::Setpoint => (0x1400, 0x1600, 0x200, [0x6040_0010, target]),
+            Self::Position => (0x1800, 0x1a00, 0x4000_0180, [0x6041_0010, 0x6064_0020]),
+            Self::Motion => (0x1801, 0x1a01, 0x4000_0280, [0x606c_0020, 0x6077_0010]),
+        }
+    }
+
+    /// The service of a step on the way to this mapping, sent and taken with each synchronisation: the frame is switched off, its
+    /// objects are named, and it is switched on.
+    pub fn step(self, node: Node, mode: Mode, step: u8) -> Service {
+        const OFF: u32 = 1 << 31;
+        let (parameters, objects, id, mapped) = self.objects(mode);
+        let id = id | u32::from(node.0);
+        let at = |index, subindex| Object { index, subindex };
+        match step {
+            0 => Service::Write(at(parameters, 1), Value::long(id | OFF)),
+            1 => Service::Write(at(objects, 0), Value::byte(0)),
+            2 => Service::Write(at(objects, 1), Value::long(mapped[0])),
+            3 => Service::Write(at(objects, 2), Value::long(mapped[1])),
+            4 => Service::Write(at(objects, 0), Value::byte(2)),
+            // with each synchronisation
+            5 => Service::Write(at(parameters, 2), Value::byte(1)),
+            _ => Service::Write(at(parameters, 1), Value::long(id)),
+        }
+    }
 }
 
 /// A service of up to four bytes, in one frame each way.

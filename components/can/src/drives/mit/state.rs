@@ -34,6 +34,8 @@ pub enum Fault {
     Overload,
     /// The encoder failed.
     Encoder,
+    /// Another one, by the code that the drive has for it.
+    Other(u32),
 }
 
 impl Fault {
@@ -48,6 +50,15 @@ impl Fault {
             Self::CommunicationLost => "no command for the time of its watchdog",
             Self::Overload => "overload",
             Self::Encoder => "encoder failed",
+            Self::Other(_) => "a fault that the drive has a code for",
+        }
+    }
+
+    /// The drive's own code of a fault without a name here.
+    pub fn code(self) -> Option<u32> {
+        match self {
+            Self::Other(code) => Some(code),
+            _ => None,
         }
     }
 }
@@ -105,6 +116,6 @@ pub(super) fn damiao_code(state: State) -> u8 {
         State::Fault(Fault::HotTransistors) => 0xb,
         State::Fault(Fault::HotMotor) => 0xc,
         State::Fault(Fault::CommunicationLost) => 0xd,
-        State::Fault(Fault::Overload | Fault::Encoder) => 0xe,
+        State::Fault(Fault::Overload | Fault::Encoder | Fault::Other(_)) => 0xe,
     }
 }

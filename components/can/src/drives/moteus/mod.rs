@@ -154,6 +154,9 @@ pub struct State {
 pub struct Node(u8);
 
 impl Node {
+    /// The drive with the lowest number.
+    pub(crate) const FIRST: Self = Self(1);
+
     /// The drive with this number; `None` for 0, which is the host, and beyond 126.
     pub fn new(node: u8) -> Option<Self> {
         (1..127).contains(&node).then_some(Self(node))

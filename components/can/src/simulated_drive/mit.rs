@@ -1,5 +1,6 @@
-//! A simulated drive: the other end of the wire, with an inner loop, a watchdog and a temperature.
+//! A simulated drive of the MIT family.
 
+use super::Motor;
 use crate::damiao::{Register, Request, Value};
 use crate::frame::Frame;
 use crate::mit::{self, Command, Drive, Fault, Feedback, Instruction, Reply, State};
@@ -33,22 +34,9 @@ pub struct SimulatedDrive {
     command: Command,
     state: State,
     commanded_ns: u64,
-    stepped_ns: u64,
-    position: f64,
-    velocity: f64,
-    torque: f64,
-    temperature: f64,
+    motor: Motor,
     watchdog_trips: u64,
 }
-
-/// Temperature of the surroundings, degrees Celsius.
-const SURROUNDINGS: f64 = 25.0;
-/// Rise of the temperature at full torque for ever, degrees.
-const RISE: f64 = 90.0;
-/// Time constant of the temperature, s.
-const WARM_UP: f64 = 120.0;
-/// Temperature at which the drive lets go, degrees Celsius.
-const TOO_HOT: f64 = 100.0;
 
 impl SimulatedDrive {
     /// A drive at rest that is disabled, with this watchdog \[ns\].
@@ -59,11 +47,7 @@ impl SimulatedDrive {
             command: Command::default(),
             state: State::Disabled,
             commanded_ns: 0,
-            stepped_ns: 0,
-            position: 0.0,
-            velocity: 0.0,
-            torque: 0.0,
-            temperature: SURROUNDINGS,
+            motor: Motor::new(codec.ranges.torque.max),
             watchdog_trips: 0,
         }
     }
@@ -85,7 +69,7 @@ impl SimulatedDrive {
 
     /// Its temperature, degrees Celsius.
     pub fn temperature(&self) -> f64 {
-        self.temperature
+        self.motor.temperature
     }
 
     /// Takes its power away: it is disabled when it comes back.
@@ -131,10 +115,10 @@ impl SimulatedDrive {
 
     fn feedback(&self) -> Feedback {
         Feedback {
-            position: self.position,
-            velocity: self.velocity,
-            torque: self.torque,
-            temperature: Some(self.temperature.round_half()),
+            position: self.motor.position,
+            velocity: self.motor.velocity,
+            torque: self.motor.torque,
+            temperature: Some(self.motor.temperature.round_half()),
             voltage: Some(24.0),
             state: self.state,
         }
@@ -143,24 +127,18 @@ impl SimulatedDrive {
     /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: the torque that it gives
     /// from now on, N m.
     pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
-        (self.position, self.velocity) = (position, velocity);
-        let dt = now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
-        self.stepped_ns = now_ns;
-        let limit = self.codec.ranges.torque.max;
-        let goal = SURROUNDINGS + RISE * (self.torque / limit).powi(2);
-        self.temperature += (goal - self.temperature) * (dt / WARM_UP).min(1.0);
+        self.motor.turn(position, velocity, now_ns);
         let silent_ns = now_ns.saturating_sub(self.commanded_ns);
         if self.is_enabled() && self.watchdog_ns.is_some_and(|watchdog| silent_ns >= watchdog) {
             self.state = State::Fault(Fault::CommunicationLost);
             self.watchdog_trips += 1;
         }
-        if self.is_enabled() && self.temperature > TOO_HOT {
+        if self.is_enabled() && self.motor.is_too_hot() {
             self.state = State::Fault(Fault::HotMotor);
         }
         let mit::Command { position: p, velocity: v, kp, kd, torque } = self.command;
         let wanted = kp * (p - position) + kd * (v - velocity) + torque;
-        self.torque = if self.is_enabled() { wanted.clamp(-limit, limit) } else { 0.0 };
-        self.torque
+        self.motor.give(self.is_enabled().then_some(wanted))
     }
 }
 

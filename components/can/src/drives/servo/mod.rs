@@ -3,7 +3,10 @@
 //! A servo is a table of registers, which are read and written, of one servo or of many at once. All servos share one line
 //! and answer when they are asked. Packets of both protocols may come on the same line: [`Reader`] reads either.
 
+mod packet;
+
 use crate::frame::DecodeError;
+pub use packet::{read_instruction, read_status};
 
 /// The number that all servos hear.
 pub const EVERYBODY: u8 = 0xfe;
@@ -246,6 +249,21 @@ impl Reader {
     /// # Errors
     /// A packet ends with it whose checksum is wrong, or which is no answer.
     pub fn push(&mut self, byte: u8) -> Option<Result<Status<'_>, DecodeError>> {
+        let (protocol, whole) = self.end(byte)?;
+        Some(match protocol {
+            Protocol::One => one(&self.bytes[..whole]),
+            Protocol::Two => two(&mut self.bytes[..whole]),
+        })
+    }
+
+    /// Takes a byte; the bytes of the packet of protocol 1 that it ends, if it ends one, whatever they hold.
+    pub(crate) fn push_raw(&mut self, byte: u8) -> Option<&[u8]> {
+        let (protocol, whole) = self.end(byte)?;
+        (protocol == Protocol::One).then(|| &self.bytes[..whole])
+    }
+
+    /// Takes a byte; the protocol and the length of the packet that it ends.
+    fn end(&mut self, byte: u8) -> Option<(Protocol, usize)> {
         self.bytes[self.length] = byte;
         self.length += 1;
         // a head may begin at any byte
@@ -258,10 +276,7 @@ impl Reader {
             return None;
         }
         self.length = 0;
-        Some(match protocol {
-            Protocol::One => one(&self.bytes[..whole]),
-            Protocol::Two => two(&mut self.bytes[..whole]),
-        })
+        Some((protocol, whole))
     }
 
     /// True if a packet may begin with what has come.

@@ -1,0 +1,249 @@
+//! The dialogue with drives of CiA 402: service data first, one object a cycle, then process data with each synchronisation.
+//!
+//! The set-up maps the process data, has the drive wait for the heartbeat of the adapter, which is its watchdog, and compares the
+//! rated torque with the table. Then the node is started, and the state machine led to enabled by the controlword.
+
+use core::f64::consts::TAU;
+
+use super::{Heard, Motion, Order};
+use crate::adapter::WrongSetting;
+use crate::cia402::{
+    ADAPTER, DISABLE_VOLTAGE, DriveState, FAULT_RESET, Mapping, Mode, NetworkCommand, NetworkState, Node,
+    Object, Process, Service, Setpoint, Value,
+};
+use crate::frame::{DecodeError, Frame};
+use crate::mit::{Command, Fault, Feedback, Ranges, State};
+use crate::table::{ControlMode, Table};
+
+#[derive(Clone, Debug)]
+pub(in crate::adapter) struct Cia402 {
+    node: Node,
+    pub(super) mode: ControlMode,
+    watchdog_ms: u16,
+    increments: f64,
+    rated_torque: f64,
+    ranges: Ranges,
+    /// Time between two synchronisations, ns.
+    cycle_ns: u64,
+    /// Process data have been started.
+    is_started: bool,
+    /// Cycles that are left of those in which its fault is reset.
+    clears: u8,
+    state: DriveState,
+    motion: Motion,
+    /// The statusword and the position of this cycle have come.
+    has_position: bool,
+    /// The code of its last emergency message.
+    emergency: u16,
+}
+
+/// Cycles for which the reset of a fault takes.
+const CLEARS: u8 = 4;
+/// Settings after those of the mappings.
+const WATCHDOG: u8 = Mapping::ALL.len() as u8 * Mapping::STEPS;
+const READ_WATCHDOG: u8 = WATCHDOG + 1;
+const MODE: u8 = WATCHDOG + 2;
+const INTERPOLATION_UNITS: u8 = WATCHDOG + 3;
+const INTERPOLATION_EXPONENT: u8 = WATCHDOG + 4;
+const RATED_TORQUE: u8 = WATCHDOG + 5;
+const SETTINGS: u8 = WATCHDOG + 6;
+
+impl Cia402 {
+    pub(super) fn new(table: &Table, index: usize) -> Self {
+        let entry = &table.drives[index];
+        Self {
+            node: Node::new(entry.node).unwrap_or(Node::FIRST),
+            mode: entry.mode.unwrap_or_default(),
+            watchdog_ms: u16::try_from(entry.watchdog.ns / 1_000_000).unwrap_or(u16::MAX),
+            increments: entry.increments.unwrap_or(1.0),
+            rated_torque: entry.rated_torque.unwrap_or(1.0),
+            ranges: table.ranges(index),
+            cycle_ns: 1_000_000,
+            is_started: false,
+            clears: 0,
+            state: DriveState::NotReady,
+            motion: Motion::default(),
+            has_position: false,
+            emergency: 0,
+        }
+    }
+
+    pub(in crate::adapter) fn set_cycle(&mut self, cycle_ns: u64) {
+        self.cycle_ns = cycle_ns;
+    }
+
+    pub(super) fn checks(&self) -> u8 {
+        SETTINGS
+    }
+
+    pub(super) fn restart(&mut self) {
+        (self.is_started, self.clears, self.state) = (false, CLEARS, DriveState::NotReady);
+        (self.has_position, self.emergency) = (false, 0);
+    }
+
+    pub(super) fn is_from(&self, frame: &Frame) -> bool {
+        [0x080, 0x180, 0x280, 0x580, 0x700].iter().any(|base| self.node.id(*base) == frame.id)
+    }
+
+    fn cyclic(&self) -> Mode {
+        match self.mode {
+            ControlMode::Position => Mode::Position,
+            ControlMode::Torque => Mode::Torque,
+        }
+    }
+
+    /// The service of a setting.
+    fn setting(&self, setting: u8) -> Service {
+        let tenths = self.cycle_ns / 100_000;
+        // in tenths of a millisecond where they are whole and fit, in milliseconds else
+        let (units, exponent) = match tenths {
+            1..=255 if self.cycle_ns.is_multiple_of(100_000) => (tenths, -4_i8),
+            _ => ((self.cycle_ns / 1_000_000).clamp(1, 255), -3_i8),
+        };
+        match setting {
+            WATCHDOG => {
+                let waits = u32::from(ADAPTER) << 16 | u32::from(self.watchdog_ms);
+                Service::Write(Object::HEARTBEAT_CONSUMER, Value::long(waits))
+            }
+            READ_WATCHDOG => Service::Read(Object::HEARTBEAT_CONSUMER),
+            MODE => Service::Write(Object::MODE, Value::byte(self.cyclic() as u8)),
+            INTERPOLATION_UNITS => Service::Write(Object::INTERPOLATION_UNITS, Value::byte(units as u8)),
+            INTERPOLATION_EXPONENT => {
+                Service::Write(Object::INTERPOLATION_EXPONENT, Value::byte(exponent as u8))
+            }
+            RATED_TORQUE => Service::Read(Object::RATED_TORQUE),
+            step => {
+                let mapping = Mapping::ALL[usize::from(step / Mapping::STEPS) % Mapping::ALL.len()];
+                mapping.step(self.node, self.cyclic(), step % Mapping::STEPS)
+            }
+        }
+    }
+
+    pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
+        if let Order::Check(setting) = order {
+            frames.push(self.node.service(&self.setting(*setting)));
+            return;
+        }
+        if !self.is_started {
+            self.is_started = true;
+            frames.push(self.node.network(NetworkCommand::Start));
+        }
+        self.motion.begin(order);
+        let (controlword, command) = match order {
+            Order::Enable if self.clears == 0 => {
+                (self.state.towards_enabled().unwrap_or(DISABLE_VOLTAGE), Command::default())
+            }
+            Order::Follow(command) => (0x0f, *command),
+            _ => {
+                // at the rising edge of the bit
+                let resets = self.clears == CLEARS - 1;
+                self.clears = self.clears.saturating_sub(1);
+                (if resets { FAULT_RESET } else { DISABLE_VOLTAGE }, Command::default())
+            }
+        };
+        let target = match self.mode {
+            ControlMode::Position => self.motion.target(&command) / TAU * self.increments,
+            ControlMode::Torque => self.motion.torque(&command, &self.ranges) / self.rated_torque * 1e3,
+        };
+        let setpoint = Setpoint { controlword, target: nearest(target) };
+        frames.push(self.node.setpoint(self.cyclic(), &setpoint));
+    }
+
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+        if frame.id == self.node.id(0x080) {
+            self.emergency = self.node.emergency(frame)?.code;
+            return Ok(Heard::Aside);
+        }
+        if frame.id == self.node.id(0x700) {
+            return Ok(match self.node.heartbeat(frame)? {
+                // it has lost its settings
+                NetworkState::BootUp if checking.is_none() => Heard::State(State::Disabled),
+                _ => Heard::Aside,
+            });
+        }
+        match checking {
+            Some(setting) if frame.id == self.node.id(0x580) => {
+                self.check(setting, frame).map(Heard::Setting)
+            }
+            // process data of before
+            Some(_) => Ok(Heard::Aside),
+            None if frame.id == self.node.id(0x580) => Ok(Heard::Aside),
+            None => self.process(frame),
+        }
+    }
+
+    fn check(&self, setting: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
+        let value = match self.node.service_result(&self.setting(setting), frame) {
+            Err(DecodeError::Refused { code }) => {
+                let (Service::Read(object) | Service::Write(object, _)) = self.setting(setting);
+                return Ok(Some(WrongSetting::Refused { index: object.index, code }));
+            }
+            value => value?,
+        };
+        let Some(value) = value.map(Value::number) else { return Ok(None) };
+        Ok(match setting {
+            READ_WATCHDOG => {
+                let found_ns = u64::from(value & 0xffff) * 1_000_000;
+                let is_ours = value >> 16 & 0x7f == u32::from(ADAPTER) && found_ns > 0;
+                let (found, expected) =
+                    (is_ours.then_some(found_ns), u64::from(self.watchdog_ms) * 1_000_000);
+                (found.unwrap_or(0) != expected).then_some(WrongSetting::Watchdog { found, expected })
+            }
+            RATED_TORQUE => {
+                let (found, expected) = (f64::from(value) * 1e-3, self.rated_torque);
+                ((found - expected).abs() > 0.6e-3).then_some(WrongSetting::RatedTorque { found, expected })
+            }
+            _ => None,
+        })
+    }
+
+    fn process(&mut self, frame: &Frame) -> Result<Heard, DecodeError> {
+        match self.node.process(frame)? {
+            Process::Position { statusword, position } => {
+                self.state = DriveState::of(statusword)?;
+                self.motion.position = f64::from(position) / self.increments * TAU;
+                self.has_position = true;
+                Ok(Heard::Aside)
+            }
+            // the answer is whole with both frames
+            Process::Motion { .. } if !core::mem::take(&mut self.has_position) => Ok(Heard::Aside),
+            Process::Motion { velocity, torque } => {
+                self.motion.velocity = f64::from(velocity) / self.increments * TAU;
+                let state = match self.state {
+                    DriveState::Enabled => State::Enabled,
+                    DriveState::Fault | DriveState::FaultReaction if self.clears == 0 => {
+                        State::Fault(fault(self.emergency))
+                    }
+                    _ => State::Disabled,
+                };
+                Ok(Heard::Feedback(Feedback {
+                    position: self.motion.position,
+                    velocity: self.motion.velocity,
+                    torque: f64::from(torque) * 1e-3 * self.rated_torque,
+                    temperature: None,
+                    voltage: None,
+                    state,
+                }))
+            }
+        }
+    }
+}
+
+/// The fault that an error code of CiA 402 names.
+fn fault(code: u16) -> Fault {
+    match code {
+        0x8130 => Fault::CommunicationLost,
+        0x2300..=0x23ff => Fault::OverCurrent,
+        0x3210..=0x321f => Fault::OverVoltage,
+        0x3220..=0x322f => Fault::UnderVoltage,
+        0x4310..=0x431f => Fault::HotTransistors,
+        0x4300..=0x43ff => Fault::HotMotor,
+        0x7300..=0x73ff => Fault::Encoder,
+        code => Fault::Other(code.into()),
+    }
+}
+
+/// The nearest whole number; halves away from zero.
+fn nearest(x: f64) -> i32 {
+    if x < 0.0 { (x - 0.5) as i32 } else { (x + 0.5) as i32 }
+}

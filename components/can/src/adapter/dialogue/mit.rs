@@ -1,0 +1,81 @@
+//! The dialogue with drives of the MIT family: a frame to the drive, one back.
+
+use super::{Heard, Order};
+use crate::adapter::WrongSetting;
+use crate::damiao::{Register, Request, Value};
+use crate::frame::{DecodeError, Form, Frame};
+use crate::mit::{Command, Drive, Instruction, Reply};
+
+#[derive(Clone, Debug)]
+pub(in crate::adapter) struct Mit {
+    codec: Drive,
+    watchdog_ns: u64,
+}
+
+impl Mit {
+    pub(super) fn new(codec: Drive, watchdog_ns: u64) -> Self {
+        Self { codec, watchdog_ns }
+    }
+
+    /// Damiao drives tell their settings, the others do not.
+    pub(super) fn checks(&self) -> u8 {
+        if self.codec.reply == Reply::Damiao { Register::CHECKED.len() as u8 } else { 0 }
+    }
+
+    pub(super) fn tells_its_state(&self) -> bool {
+        self.codec.reply == Reply::Damiao
+    }
+
+    pub(super) fn shortest(&self) -> (Form, usize, usize) {
+        (self.codec.form, 8, self.codec.reply.length())
+    }
+
+    pub(super) fn is_from(&self, frame: &Frame) -> bool {
+        self.codec.reply_id == frame.id
+    }
+
+    pub(super) fn write(&self, order: &Order, frames: &mut Vec<Frame>) {
+        let instruction = match *order {
+            Order::Check(register) => {
+                frames.push(self.request(register).frame().in_form(self.codec.form));
+                return;
+            }
+            Order::Disable => Instruction::Disable,
+            // a command of nothing, which is answered
+            Order::Rest => Instruction::Command(Command::default()),
+            Order::Enable => Instruction::Enable,
+            Order::Follow(command) => Instruction::Command(command),
+        };
+        frames.push(self.codec.instruct(&instruction));
+    }
+
+    pub(super) fn read(&self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+        match checking {
+            Some(register) => self.check(register, frame).map(Heard::Setting),
+            None => self.codec.reply(frame).map(Heard::Feedback),
+        }
+    }
+
+    fn request(&self, register: u8) -> Request {
+        let register = Register::CHECKED[usize::from(register) % Register::CHECKED.len()];
+        Request { node: self.codec.node, register }
+    }
+
+    /// An answer about a setting.
+    fn check(&self, register: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
+        let request = self.request(register);
+        let value = request.value(frame, self.codec.reply_id)?;
+        let ranges = &self.codec.ranges;
+        let expected = match request.register {
+            Register::PositionMax => ranges.position.max,
+            Register::VelocityMax => ranges.velocity.max,
+            Register::TorqueMax | Register::Timeout => ranges.torque.max,
+        };
+        Ok(match value {
+            Value::Watchdog(found) => (found.unwrap_or(0) != self.watchdog_ns)
+                .then_some(WrongSetting::Watchdog { found, expected: self.watchdog_ns }),
+            Value::Range(found) => ((found - expected).abs() > 1e-5 * expected.abs())
+                .then_some(WrongSetting::Range { register: request.register, found, expected }),
+        })
+    }
+}

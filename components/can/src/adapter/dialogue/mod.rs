@@ -1,0 +1,191 @@
+//! The dialogues with drives: what the adapter wants of one becomes frames of its protocol, and frames what one says.
+
+mod cia402;
+mod mit;
+mod moteus;
+mod odrive;
+mod servo;
+
+use super::WrongSetting;
+use crate::frame::{DecodeError, Form, Frame};
+use crate::mit::{Command, Feedback, Ranges, State};
+use crate::table::{ControlMode, Protocol, Table};
+pub(super) use servo::Servo;
+
+/// What the adapter wants of a drive in a cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Order {
+    /// To tell, or take, the setting with this number.
+    Check(u8),
+    /// To let go.
+    Disable,
+    /// To answer, and nothing else: it reported a fault, which stays.
+    Rest,
+    /// To begin to follow commands.
+    Enable,
+    /// To follow a command, in the units of its output shaft.
+    Follow(Command),
+}
+
+/// What a frame of a drive says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Heard {
+    /// Its state: the answer of the cycle.
+    Feedback(Feedback),
+    /// That a setting is as the table has it, or else how it differs.
+    Setting(Option<WrongSetting>),
+    /// The state that it is in, beside its answers.
+    State(State),
+    /// Something beside its answers.
+    Aside,
+}
+
+/// The dialogue with one drive.
+#[derive(Clone, Debug)]
+pub(super) enum Dialogue {
+    Mit(mit::Mit),
+    Odrive(odrive::Odrive),
+    Cia402(cia402::Cia402),
+    Moteus(moteus::Moteus),
+    Servo(Servo),
+}
+
+impl Dialogue {
+    /// The dialogue with a drive of a table.
+    pub(super) fn new(table: &Table, index: usize) -> Self {
+        match (table.drives[index].protocol, table.drive(index)) {
+            (_, Some(codec)) => Self::Mit(mit::Mit::new(codec, table.drives[index].watchdog.ns)),
+            (Protocol::Cia402, _) => Self::Cia402(cia402::Cia402::new(table, index)),
+            (Protocol::Moteus, _) => Self::Moteus(moteus::Moteus::new(table, index)),
+            (Protocol::Feetech, _) => Self::Servo(Servo::new(table, index)),
+            _ => Self::Odrive(odrive::Odrive::new(table, index)),
+        }
+    }
+
+    /// Settings that are checked before it is enabled.
+    pub(super) fn checks(&self) -> u8 {
+        match self {
+            Self::Mit(drive) => drive.checks(),
+            Self::Cia402(drive) => drive.checks(),
+            Self::Servo(_) => Servo::CHECKS,
+            Self::Odrive(_) | Self::Moteus(_) => 0,
+        }
+    }
+
+    /// True if the gains of commands reach the drive.
+    pub(super) fn takes_gains(&self) -> bool {
+        match self {
+            Self::Mit(_) | Self::Moteus(_) => true,
+            Self::Odrive(drive) => drive.mode == ControlMode::Torque,
+            Self::Cia402(drive) => drive.mode == ControlMode::Torque,
+            Self::Servo(_) => false,
+        }
+    }
+
+    /// True if it tells whether it follows commands.
+    pub(super) fn tells_its_state(&self) -> bool {
+        match self {
+            Self::Mit(drive) => drive.tells_its_state(),
+            _ => true,
+        }
+    }
+
+    /// Time between two reports of a drive that reports by itself; `None` for one that answers.
+    pub(super) fn reports_every_ns(&self) -> Option<u64> {
+        match self {
+            Self::Odrive(drive) => Some(drive.every_ns),
+            _ => None,
+        }
+    }
+
+    /// Form of its frames, bytes of the shortest command and of the shortest answer.
+    pub(super) fn shortest(&self) -> (Form, usize, usize) {
+        match self {
+            Self::Mit(drive) => drive.shortest(),
+            Self::Moteus(_) => (Form::FdFast, 12, 16),
+            // a synchronisation
+            Self::Cia402(_) => (Form::Classic, 0, 6),
+            Self::Servo(_) => (Form::Packet, 9, 7),
+            Self::Odrive(_) => (Form::Classic, 8, 8),
+        }
+    }
+
+    /// Begins anew, with the faults cleared of a drive that was lost or let go.
+    pub(super) fn restart(&mut self) {
+        match self {
+            Self::Mit(_) | Self::Servo(_) => {}
+            Self::Moteus(drive) => drive.restart(),
+            Self::Odrive(drive) => drive.restart(),
+            Self::Cia402(drive) => drive.restart(),
+        }
+    }
+
+    /// True for a frame of this drive.
+    pub(super) fn is_from(&self, frame: &Frame) -> bool {
+        match self {
+            Self::Mit(drive) => drive.is_from(frame),
+            Self::Odrive(drive) => drive.is_from(frame),
+            Self::Cia402(drive) => drive.is_from(frame),
+            Self::Moteus(drive) => drive.is_from(frame),
+            Self::Servo(drive) => drive.is_from(frame),
+        }
+    }
+
+    /// Writes the frames of a cycle. Those of servos are written for all of a line together.
+    pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
+        match self {
+            Self::Mit(drive) => drive.write(order, frames),
+            Self::Odrive(drive) => drive.write(order, frames),
+            Self::Cia402(drive) => drive.write(order, frames),
+            Self::Moteus(drive) => drive.write(order, frames),
+            Self::Servo(_) => {}
+        }
+    }
+
+    /// Reads a frame of this drive, while the setting `checking` is being checked.
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+        match self {
+            Self::Mit(drive) => drive.read(checking, frame),
+            Self::Odrive(drive) => drive.read(frame),
+            Self::Cia402(drive) => drive.read(checking, frame),
+            Self::Moteus(drive) => drive.read(frame),
+            Self::Servo(drive) => drive.read(checking, frame),
+        }
+    }
+}
+
+/// The newest state of a drive that is commanded positions or torques, from which its setpoints follow.
+#[derive(Clone, Copy, Debug, Default)]
+struct Motion {
+    position: f64,
+    velocity: f64,
+    /// Where it is held while its commands have no position gain.
+    held: Option<f64>,
+}
+
+impl Motion {
+    /// Begins a cycle: a drive that does not follow yet is held nowhere, and stands wherever it has been moved to.
+    fn begin(&mut self, order: &Order) {
+        if !matches!(order, Order::Follow(_)) {
+            self.held = None;
+        }
+    }
+
+    /// The position of a command; without a position gain that at which the drive was then.
+    fn target(&mut self, command: &Command) -> f64 {
+        if command.kp > 0.0 {
+            self.held = None;
+            command.position
+        } else {
+            *self.held.get_or_insert(self.position)
+        }
+    }
+
+    /// The torque of a command at the newest state.
+    fn torque(&self, command: &Command, ranges: &Ranges) -> f64 {
+        let torque = command.kp * (command.position - self.position)
+            + command.kd * (command.velocity - self.velocity)
+            + command.torque;
+        torque.clamp(ranges.torque.min, ranges.torque.max)
+    }
+}

@@ -1,0 +1,91 @@
+//! The dialogue with moteus drives: a frame of registers to the drive, one back.
+//!
+//! Gains of commands are shares of those that stand in the drive; the watchdog goes with each command.
+
+use super::{Heard, Order};
+use crate::frame::{DecodeError, Frame};
+use crate::mit::{Fault, Feedback, Ranges, State};
+use crate::moteus::{self, Instruction, Mode, Node, Resolution};
+use crate::table::{LoopEntry, Table};
+
+/// Numbers of 16 bits: positions to 0.6 mrad.
+const RESOLUTION: Resolution = Resolution::Int16;
+
+#[derive(Clone, Debug)]
+pub(in crate::adapter) struct Moteus {
+    node: Node,
+    gains: LoopEntry,
+    ranges: Ranges,
+    /// s; NaN for that of the drive.
+    watchdog: f64,
+    /// Cycles that are left of those in which its fault is cleared.
+    clears: u8,
+}
+
+/// Cycles for which clearing a fault takes.
+const CLEARS: u8 = 4;
+
+impl Moteus {
+    pub(super) fn new(table: &Table, index: usize) -> Self {
+        let entry = &table.drives[index];
+        Self {
+            node: Node::new(entry.node).unwrap_or(Node::FIRST),
+            gains: table.position_loop(index),
+            ranges: table.ranges(index),
+            watchdog: if entry.watchdog.ns > 0 { entry.watchdog.ns as f64 * 1e-9 } else { f64::NAN },
+            clears: 0,
+        }
+    }
+
+    pub(super) fn restart(&mut self) {
+        self.clears = CLEARS;
+    }
+
+    pub(super) fn is_from(&self, frame: &Frame) -> bool {
+        frame.id == self.node.reply_id()
+    }
+
+    pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
+        let share = |gain: f64, all: f64| if all > 0.0 { (gain / all).clamp(0.0, 1.0) } else { 0.0 };
+        let limits = moteus::Command {
+            max_torque: self.ranges.torque.max,
+            watchdog: self.watchdog,
+            ..moteus::Command::default()
+        };
+        let instruction = match order {
+            Order::Rest => Instruction::Query,
+            // which clears a fault, too
+            Order::Check(_) | Order::Disable => Instruction::Stop,
+            Order::Enable => Instruction::Position(moteus::Command { kp_scale: 0.0, ..limits }),
+            Order::Follow(command) => Instruction::Position(moteus::Command {
+                position: if command.kp > 0.0 { command.position } else { f64::NAN },
+                velocity: command.velocity,
+                torque: command.torque,
+                kp_scale: share(command.kp, self.gains.kp),
+                kd_scale: share(command.kd, self.gains.kd),
+                ..limits
+            }),
+        };
+        self.clears = self.clears.saturating_sub(1);
+        frames.push(self.node.frame(&instruction, RESOLUTION));
+    }
+
+    pub(super) fn read(&self, frame: &Frame) -> Result<Heard, DecodeError> {
+        let told = self.node.reply(frame)?;
+        let state = match told.mode {
+            Mode::Position | Mode::ZeroVelocity | Mode::StayWithin => State::Enabled,
+            Mode::Fault | Mode::Timeout if self.clears > 0 => State::Disabled,
+            Mode::Fault => State::Fault(Fault::Other(told.fault.into())),
+            Mode::Timeout => State::Fault(Fault::CommunicationLost),
+            _ => State::Disabled,
+        };
+        Ok(Heard::Feedback(Feedback {
+            position: told.position,
+            velocity: told.velocity,
+            torque: told.torque,
+            temperature: Some(told.temperature),
+            voltage: Some(told.voltage),
+            state,
+        }))
+    }
+}

@@ -1,0 +1,140 @@
+//! The dialogue with ODrives: commands as often as the adapter likes, encoder estimates and heartbeats as often as the drive
+//! does.
+//!
+//! State and errors stand in the heartbeat alone, so that a drive counts as enabled a tenth of a second after it is. Its errors
+//! are cleared when the adapter is resumed, and never else.
+
+use super::{Heard, Motion, Order};
+use crate::frame::{DecodeError, Frame, Id};
+use crate::mit::{Command, Fault, Feedback, Ranges, State};
+use crate::odrive::{AxisState, ControlMode as Quantity, InputMode, Instruction, Node, Report};
+use crate::table::{ControlMode, Table};
+
+/// Cycles after which a drive that has not followed is asked again.
+const PATIENCE: u16 = 1000;
+/// Cycles for which clearing the errors takes.
+const CLEARS: u8 = 4;
+/// Error of an axis: its watchdog was not fed.
+const WATCHDOG_EXPIRED: u32 = 0x800;
+
+#[derive(Clone, Debug)]
+pub(in crate::adapter) struct Odrive {
+    node: Node,
+    pub(super) mode: ControlMode,
+    pub(super) every_ns: u64,
+    ranges: Ranges,
+    /// Cycles since it has been asked to follow.
+    begun: u16,
+    /// Cycles that are left of those in which its errors are cleared.
+    clears: u8,
+    state: State,
+    motion: Motion,
+    /// As it reports, or else as it was commanded.
+    torque: f64,
+    reports_torque: bool,
+}
+
+impl Odrive {
+    pub(super) fn new(table: &Table, index: usize) -> Self {
+        let entry = &table.drives[index];
+        Self {
+            node: Node::new(entry.node).unwrap_or(Node::FIRST),
+            mode: entry.mode.unwrap_or_default(),
+            every_ns: entry.report_every.map_or(10_000_000, |every| every.ns),
+            ranges: table.ranges(index),
+            begun: 0,
+            clears: 0,
+            state: State::Disabled,
+            motion: Motion::default(),
+            torque: 0.0,
+            reports_torque: false,
+        }
+    }
+
+    pub(super) fn restart(&mut self) {
+        (self.clears, self.begun, self.state) = (CLEARS, 0, State::Disabled);
+    }
+
+    pub(super) fn is_from(&self, frame: &Frame) -> bool {
+        matches!((frame.id, self.node.id(0)), (Id::Standard(id), Id::Standard(base)) if id >> 5 == base >> 5)
+    }
+
+    pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
+        let quantity = match self.mode {
+            ControlMode::Position => Quantity::Position,
+            ControlMode::Torque => Quantity::Torque,
+        };
+        self.motion.begin(order);
+        let instruction = match (order, self.begun) {
+            (Order::Enable, 0) => Instruction::SetModes(quantity, InputMode::Passthrough),
+            // its watchdog is fed, and its setpoint is where it is, before it follows
+            (Order::Enable, 2) => {
+                // what it told before it was asked does not count
+                self.state = State::Disabled;
+                Instruction::SetState(AxisState::ClosedLoop)
+            }
+            (Order::Enable, _) => self.follow(&Command::default()),
+            (Order::Follow(command), _) => self.follow(command),
+            (Order::Check(_) | Order::Disable | Order::Rest, _) if self.clears == CLEARS => {
+                Instruction::ClearErrors
+            }
+            (Order::Check(_) | Order::Disable | Order::Rest, _) => Instruction::SetState(AxisState::Idle),
+        };
+        self.begun = match order {
+            Order::Enable if self.begun < PATIENCE => self.begun + 1,
+            _ => 0,
+        };
+        self.clears = self.clears.saturating_sub(1);
+        frames.push(self.node.frame(&instruction));
+    }
+
+    fn follow(&mut self, command: &Command) -> Instruction {
+        let torque = match self.mode {
+            ControlMode::Position => command.torque.clamp(self.ranges.torque.min, self.ranges.torque.max),
+            ControlMode::Torque => self.motion.torque(command, &self.ranges),
+        };
+        if !self.reports_torque {
+            self.torque = torque;
+        }
+        match self.mode {
+            ControlMode::Position => {
+                let position = self.motion.target(command);
+                let velocity = if self.motion.held.is_some() { 0.0 } else { command.velocity };
+                Instruction::Position { position, velocity, torque }
+            }
+            ControlMode::Torque => Instruction::Torque(torque),
+        }
+    }
+
+    pub(super) fn read(&mut self, frame: &Frame) -> Result<Heard, DecodeError> {
+        Ok(match self.node.report(frame)? {
+            Report::Heartbeat { error, state } => {
+                self.state = match (error, state) {
+                    (0, AxisState::ClosedLoop) => State::Enabled,
+                    (0, _) => State::Disabled,
+                    // told before they were cleared
+                    _ if self.clears > 0 => State::Disabled,
+                    (error, _) if error & WATCHDOG_EXPIRED != 0 => State::Fault(Fault::CommunicationLost),
+                    (error, _) => State::Fault(Fault::Other(error)),
+                };
+                Heard::State(self.state)
+            }
+            Report::Encoder { position, velocity } => {
+                (self.motion.position, self.motion.velocity) = (position, velocity);
+                Heard::Feedback(Feedback {
+                    position,
+                    velocity,
+                    torque: self.torque,
+                    temperature: None,
+                    voltage: None,
+                    state: self.state,
+                })
+            }
+            Report::Torques { estimate, .. } => {
+                (self.torque, self.reports_torque) = (estimate, true);
+                Heard::Aside
+            }
+            Report::Supply { .. } => Heard::Aside,
+        })
+    }
+}

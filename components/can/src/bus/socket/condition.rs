@@ -1,0 +1,72 @@
+//! The condition of a bus of the computer, and counts of what has happened on it.
+
+use crate::bus::report::ErrorState;
+
+/// The condition of a bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Condition {
+    /// It sends and receives.
+    #[default]
+    Active,
+    /// It sends and receives; its controller has counted many errors.
+    Warning,
+    /// It sends and receives; its controller has counted so many errors that it reports none of them to others.
+    Passive,
+    /// Its controller has left the bus.
+    Off,
+    /// The interface is down.
+    Down,
+    /// There is no such interface any more.
+    Gone,
+}
+
+impl Condition {
+    /// True if frames can be sent.
+    pub fn can_send(self) -> bool {
+        matches!(self, Self::Active | Self::Warning | Self::Passive)
+    }
+
+    /// Its name, as results and tables have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Active => "active",
+            Self::Warning => "warning",
+            Self::Passive => "passive",
+            Self::Off => "bus-off",
+            Self::Down => "down",
+            Self::Gone => "gone",
+        }
+    }
+}
+
+impl From<ErrorState> for Condition {
+    fn from(state: ErrorState) -> Self {
+        match state {
+            ErrorState::Active => Self::Active,
+            ErrorState::Warning => Self::Warning,
+            ErrorState::Passive => Self::Passive,
+            ErrorState::Off => Self::Off,
+        }
+    }
+}
+
+/// Counts of what has happened on a bus of the kernel since it was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SocketCounts {
+    /// Reports of the controller.
+    pub reports: u64,
+    /// Frames that nobody acknowledged.
+    pub unacknowledged: u64,
+    /// Frames that were disturbed, of any node.
+    pub disturbed: u64,
+    /// Times that the controller left the bus.
+    pub bus_off: u64,
+    /// Batches of which frames were not taken because the interface's queue was full.
+    pub queue_full: u64,
+    /// Times that the interface went down or away.
+    pub down: u64,
+    /// Frames that were received and lost for want of room: in the socket, or in the controller as it reports.
+    pub overflows: u64,
+    /// Remote requests, and what is no frame.
+    pub other: u64,
+}

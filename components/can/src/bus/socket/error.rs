@@ -1,0 +1,107 @@
+//! An interface that cannot be opened: the cause, and the next step.
+
+use std::io;
+
+/// An interface that cannot be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The kernel knows no sockets of CAN.
+    #[error("this kernel has no CAN sockets: {0}")]
+    NoCan(io::Error),
+    /// There is no such interface.
+    #[error("there is no CAN interface `{name}`: {}", there_is(.found))]
+    Missing {
+        /// The name asked for.
+        name: String,
+        /// Those that there are.
+        found: Vec<String>,
+    },
+    /// It is down.
+    #[error("the CAN interface `{0}` is down")]
+    Down(String),
+    /// It takes no CAN FD frames.
+    #[error("the CAN interface `{0}` takes classic frames only, and the bus has a data bitrate")]
+    Classic(String),
+    /// It has another bitrate than the bus is said to have.
+    #[error("the CAN interface `{name}` has {found} bit/s, the bus {expected} bit/s")]
+    Bitrate {
+        /// Its name.
+        name: String,
+        /// Its bitrate.
+        found: u32,
+        /// That of the bus.
+        expected: u32,
+    },
+    /// There is no such serial line.
+    #[error("there is no serial line `{0}`")]
+    NoLine(String),
+    /// An adapter on a serial line knows no such bitrate.
+    #[error("the adapter on `{name}` knows no {rate} bit/s")]
+    NoBitrate {
+        /// The serial line.
+        name: String,
+        /// The bitrate asked for.
+        rate: u32,
+    },
+    /// A serial line knows no such speed.
+    #[error("the serial line `{name}` knows no speed of {speed} bit/s")]
+    NoSpeed {
+        /// The serial line.
+        name: String,
+        /// The speed asked for.
+        speed: u32,
+    },
+    /// The kernel, or the adapter on a serial line, refused.
+    #[error("`{0}` cannot be opened: {1}")]
+    Refused(String, io::Error),
+}
+
+fn there_is(found: &[String]) -> String {
+    if found.is_empty() { "there is none at all".into() } else { format!("there is {}", found.join(", ")) }
+}
+
+impl OpenError {
+    /// Advice on the next step.
+    pub fn advice(&self) -> String {
+        match self {
+            Self::NoCan(_) => {
+                "load it: `sudo modprobe can_raw`; a container needs the CAN of its host".into()
+            }
+            Self::Missing { name, .. } if name.starts_with("vcan") => format!(
+                "make it: `sudo modprobe vcan && sudo ip link add {name} type vcan && sudo ip link set {name} mtu 72 up`"
+            ),
+            Self::Missing { .. } => {
+                "plug the adapter in, or name another: `ip -details link show type can` lists them".into()
+            }
+            Self::Down(name) if name.starts_with("vcan") => {
+                format!("bring it up: `sudo ip link set {name} up`")
+            }
+            Self::Down(name) => {
+                format!(
+                    "bring it up with the bitrate of the drives: `sudo ip link set {name} up type can bitrate 1000000`"
+                )
+            }
+            Self::Classic(name) => format!(
+                "leave `data_bitrate` out, or bring it up as CAN FD: `sudo ip link set {name} up type can bitrate 1000000 dbitrate 5000000 fd on`"
+            ),
+            Self::Bitrate { name, expected, .. } => format!(
+                "set it: `sudo ip link set {name} down && sudo ip link set {name} up type can bitrate {expected}`, or correct the table of the bus"
+            ),
+            Self::NoLine(_) => {
+                "plug the adapter in: `ls /dev/serial/by-id` lists the lines that there are".into()
+            }
+            Self::NoBitrate { .. } => {
+                "slcan knows 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s, and 2 and 5 Mbit/s for data".into()
+            }
+            Self::NoSpeed { .. } => {
+                "write 9600, 19200, 38400, 57600, 115200, 500000, 1000000, 2000000, 3000000 or 4000000".into()
+            }
+            Self::Refused(name, _) if name.starts_with('/') => {
+                "join the group of serial lines (`sudo usermod -aG dialout $USER`), and see that no other program has it".into()
+            }
+            Self::Refused(..) => {
+                "look for the cause in `dmesg`, and whether this user may use CAN sockets".into()
+            }
+        }
+    }
+}

@@ -1,0 +1,270 @@
+//! A simulated drive of CiA 402: network management, an object dictionary as far as the adapter uses it, the state machine, and
+//! process data with each synchronisation.
+
+use core::f64::consts::TAU;
+
+use super::{Motor, Overrides, Watchdog};
+use crate::cia402::{
+    ADAPTER, DriveState, Emergency, Mapping, Mode, NetworkCommand, NetworkState, Node, Object, Process,
+    Service, Setpoint, Value, adapter_heartbeat, sync,
+};
+use crate::frame::{Frame, Id};
+use crate::table::{LoopEntry, Table};
+
+/// The drive has no such object.
+const NO_OBJECT: u32 = 0x0602_0000;
+/// The object cannot be written.
+const READ_ONLY: u32 = 0x0601_0002;
+/// Error codes of emergency messages.
+const NO_HEARTBEAT: u16 = 0x8130;
+const TOO_HOT: u16 = 0x4310;
+/// Objects beside those of the mappings.
+const OBJECTS: [Object; 5] = [
+    Object::HEARTBEAT_CONSUMER,
+    Object::HEARTBEAT_PRODUCER,
+    Object::MODE,
+    Object::INTERPOLATION_UNITS,
+    Object::INTERPOLATION_EXPONENT,
+];
+
+/// A drive of CiA 402 with a position loop of its own, or in the mode of velocities or torques.
+#[derive(Clone, Debug)]
+pub struct Cia402 {
+    node: Node,
+    increments: f64,
+    rated_torque: f64,
+    gains: LoopEntry,
+    network: NetworkState,
+    state: DriveState,
+    dictionary: Vec<(Object, Value)>,
+    /// The watchdog that it keeps, whatever is written; ns.
+    fixed_watchdog_ns: Option<u64>,
+    watchdog: Watchdog,
+    /// A heartbeat of the adapter has come: from then on it is waited for.
+    is_watching: bool,
+    /// Setpoints that wait for the next synchronisation, and those in force.
+    waiting: Option<Setpoint>,
+    setpoint: Setpoint,
+    /// It has yet to say that it has started.
+    boots: bool,
+    emergency: Option<u16>,
+    pub(super) motor: Motor,
+    pub(super) watchdog_trips: u64,
+}
+
+impl Cia402 {
+    pub(super) fn new(table: &Table, index: usize, overrides: Overrides) -> Self {
+        let entry = &table.drives[index];
+        let node = Node::new(entry.node).unwrap_or(Node::FIRST);
+        let mut dictionary: Vec<_> = OBJECTS.iter().map(|object| (*object, Value::long(0))).collect();
+        for mapping in Mapping::ALL {
+            for step in 0..Mapping::STEPS {
+                if let Service::Write(object, value) = mapping.step(node, Mode::Position, step)
+                    && !dictionary.iter().any(|(known, _)| *known == object)
+                {
+                    dictionary.push((object, value));
+                }
+            }
+        }
+        Self {
+            node,
+            increments: entry.increments.unwrap_or(1.0),
+            rated_torque: overrides.torque.or(entry.rated_torque).unwrap_or(1.0),
+            gains: table.position_loop(index),
+            network: NetworkState::PreOperational,
+            state: DriveState::SwitchOnDisabled,
+            dictionary,
+            fixed_watchdog_ns: overrides.watchdog_ns,
+            watchdog: Watchdog::new(overrides.watchdog_ns.filter(|ns| *ns > 0)),
+            is_watching: false,
+            waiting: None,
+            setpoint: Setpoint { controlword: 0, target: 0 },
+            boots: true,
+            emergency: None,
+            motor: Motor::new(table.ranges(index).torque.max),
+            watchdog_trips: 0,
+        }
+    }
+
+    pub(super) fn ids(&self) -> Vec<Id> {
+        let all = [Id::Standard(0x000), sync().id, adapter_heartbeat().id];
+        all.into_iter().chain([self.node.id(0x200), self.node.id(0x600)]).collect()
+    }
+
+    pub(super) fn is_enabled(&self) -> bool {
+        self.state == DriveState::Enabled
+    }
+
+    pub(super) fn cut_power(&mut self) {
+        (self.network, self.state) = (NetworkState::PreOperational, DriveState::SwitchOnDisabled);
+        (self.is_watching, self.waiting, self.boots, self.emergency) = (false, None, true, None);
+        self.setpoint = Setpoint { controlword: 0, target: 0 };
+    }
+
+    fn mode(&self) -> Mode {
+        match self.get(Object::MODE).map(Value::number) {
+            Some(9) => Mode::Velocity,
+            Some(10) => Mode::Torque,
+            _ => Mode::Position,
+        }
+    }
+
+    fn get(&self, object: Object) -> Option<Value> {
+        self.dictionary.iter().find(|(known, _)| *known == object).map(|(_, value)| *value)
+    }
+
+    /// True if process data are mapped as frames have them here, and switched on.
+    fn is_mapped(&self, mapping: Mapping) -> bool {
+        let mode = self.mode();
+        let mut last = (2..Mapping::STEPS).map(|step| mapping.step(self.node, mode, step));
+        last.all(|service| match service {
+            Service::Write(object, value) => {
+                self.get(object).is_some_and(|found| found.number() == value.number())
+            }
+            Service::Read(_) => true,
+        })
+    }
+
+    pub(super) fn receive(&mut self, frame: &Frame, now_ns: u64, answer: &mut dyn FnMut(Frame)) {
+        let is_operational = self.network == NetworkState::Operational;
+        if let Ok(command) = self.node.network_command(frame) {
+            match command {
+                NetworkCommand::Start => self.network = NetworkState::Operational,
+                NetworkCommand::Stop => self.network = NetworkState::Stopped,
+                NetworkCommand::PreOperational => self.network = NetworkState::PreOperational,
+                NetworkCommand::Reset | NetworkCommand::ResetCommunication => self.cut_power(),
+            }
+        } else if *frame == adapter_heartbeat() {
+            (self.is_watching, self.watchdog.fed_ns) = (true, now_ns);
+        } else if *frame == sync() {
+            if is_operational {
+                self.synchronise(answer);
+            }
+        } else if let Ok(service) = self.node.service_request(frame) {
+            if self.network != NetworkState::Stopped {
+                answer(self.serve(&service));
+            }
+        } else if let Ok(setpoint) = self.node.setpoint_of(self.mode(), frame)
+            && is_operational
+            && self.is_mapped(Mapping::Setpoint)
+        {
+            self.waiting = Some(setpoint);
+        }
+    }
+
+    fn serve(&mut self, service: &Service) -> Frame {
+        let result = match *service {
+            Service::Read(Object::RATED_TORQUE) => Ok(Value::long((self.rated_torque * 1e3 + 0.5) as u32)),
+            Service::Read(object) => self.get(object).ok_or(NO_OBJECT),
+            Service::Write(Object::RATED_TORQUE | Object::STATUSWORD, _) => Err(READ_ONLY),
+            Service::Write(object, value) => self.put(object, value).map(|()| value),
+        };
+        self.node.service_answer(service, result)
+    }
+
+    fn put(&mut self, object: Object, value: Value) -> Result<(), u32> {
+        let mut value = value;
+        if object == Object::HEARTBEAT_CONSUMER {
+            if let Some(fixed_ns) = self.fixed_watchdog_ns {
+                value = Value::long(u32::from(ADAPTER) << 16 | (fixed_ns / 1_000_000) as u32);
+            }
+            let after_ns = u64::from(value.number() & 0xffff) * 1_000_000;
+            self.watchdog.after_ns = Some(after_ns).filter(|ns| *ns > 0);
+        }
+        let place = self.dictionary.iter_mut().find(|(known, _)| *known == object).ok_or(NO_OBJECT)?;
+        place.1 = value;
+        Ok(())
+    }
+
+    /// Takes the setpoints that wait, and answers with its state.
+    fn synchronise(&mut self, answer: &mut dyn FnMut(Frame)) {
+        if let Some(setpoint) = self.waiting.take() {
+            let resets = setpoint.controlword & 0x80 != 0 && self.setpoint.controlword & 0x80 == 0;
+            self.state = next(self.state, setpoint.controlword, resets);
+            self.setpoint = setpoint;
+        }
+        let scaled = |rad: f64| nearest(rad / TAU * self.increments);
+        let statusword = statusword(self.state);
+        let torque = (self.motor.torque / self.rated_torque * 1e3).clamp(-32768.0, 32767.0);
+        let process = [
+            (Mapping::Position, Process::Position { statusword, position: scaled(self.motor.position) }),
+            (
+                Mapping::Motion,
+                Process::Motion { velocity: scaled(self.motor.velocity), torque: nearest(torque) as i16 },
+            ),
+        ];
+        for (mapping, process) in process {
+            if self.is_mapped(mapping) {
+                answer(self.node.process_frame(&process));
+            }
+        }
+    }
+
+    pub(super) fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
+        if core::mem::take(&mut self.boots) {
+            say(self.node.heartbeat_frame(NetworkState::BootUp), now_ns);
+        }
+        if let Some(code) = self.emergency.take() {
+            say(self.node.emergency_frame(&Emergency { code, register: 1 }), now_ns);
+        }
+    }
+
+    fn fail(&mut self, code: u16) {
+        (self.state, self.emergency) = (DriveState::Fault, Some(code));
+    }
+
+    pub(super) fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
+        self.motor.turn(position, velocity, now_ns);
+        if self.is_watching && self.watchdog.has_expired(now_ns) {
+            self.is_watching = false;
+            self.watchdog_trips += 1;
+            self.fail(NO_HEARTBEAT);
+        }
+        if self.is_enabled() && self.motor.is_too_hot() {
+            self.fail(TOO_HOT);
+        }
+        let target = f64::from(self.setpoint.target);
+        let LoopEntry { kp, kd } = self.gains;
+        let wanted = match self.mode() {
+            Mode::Position => kp * (target / self.increments * TAU - position) - kd * velocity,
+            Mode::Velocity => kd * (target / self.increments * TAU - velocity),
+            Mode::Torque => target * 1e-3 * self.rated_torque,
+        };
+        self.motor.give(self.is_enabled().then_some(wanted))
+    }
+}
+
+/// The state after a controlword.
+fn next(state: DriveState, controlword: u16, resets: bool) -> DriveState {
+    use DriveState::{Enabled, Fault, ReadyToSwitchOn, SwitchOnDisabled, SwitchedOn};
+    match (state, controlword & 0xf) {
+        (Fault, _) if resets => SwitchOnDisabled,
+        (Fault, _) => Fault,
+        // no voltage
+        (_, word) if word & 0x2 == 0 => SwitchOnDisabled,
+        (_, word) if word & 0x4 == 0 => SwitchOnDisabled,
+        (SwitchOnDisabled | SwitchedOn | Enabled, 0x6) => ReadyToSwitchOn,
+        (ReadyToSwitchOn | Enabled, 0x7) => SwitchedOn,
+        (SwitchedOn, 0xf) => Enabled,
+        (state, _) => state,
+    }
+}
+
+/// The statusword of a state, voltage on.
+fn statusword(state: DriveState) -> u16 {
+    match state {
+        DriveState::NotReady => 0x0000,
+        DriveState::SwitchOnDisabled => 0x0250,
+        DriveState::ReadyToSwitchOn => 0x0231,
+        DriveState::SwitchedOn => 0x0233,
+        DriveState::Enabled => 0x0237,
+        DriveState::QuickStop => 0x0217,
+        DriveState::FaultReaction => 0x021f,
+        DriveState::Fault => 0x0218,
+    }
+}
+
+/// The nearest whole number; halves away from zero.
+fn nearest(x: f64) -> i32 {
+    if x < 0.0 { (x - 0.5) as i32 } else { (x + 0.5) as i32 }
+}

@@ -1,0 +1,229 @@
+//! Simulated drives: the other end of the wire, each with an inner loop, a watchdog and a temperature.
+
+mod cia402;
+mod mit;
+mod moteus;
+mod odrive;
+mod servo;
+
+use crate::frame::{Frame, Id};
+use crate::table::{Protocol, Table};
+use crate::{Range, damiao};
+pub use mit::SimulatedDrive;
+
+/// Settings of a simulated drive that are not those of the table.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Overrides {
+    /// Time of the watchdog, ns; 0 for off.
+    pub watchdog_ns: Option<u64>,
+    /// The largest torque of its range, or the rated one, N m.
+    pub torque: Option<f64>,
+}
+
+/// A simulated drive of any protocol, as a drive table names it.
+///
+/// ```
+/// use motorium_can::{AnySimulatedDrive, Overrides, Table};
+///
+/// let text = r#"
+/// [[bus]]
+/// name = "line"
+/// kind = "serial"
+/// bitrate = 1_000_000
+///
+/// [[drive]]
+/// joint = "elbow"
+/// bus = "line"
+/// protocol = "feetech"
+/// node = 3
+/// watchdog = "0 s"
+/// ranges = { position = 3.14, velocity = 4.7, torque = 1.9 }
+/// "#;
+/// let table = Table::parse(text)?;
+/// let mut servo = AnySimulatedDrive::new(&table, 0, Overrides::default());
+/// assert_eq!(servo.step(0.5, 0.0, 1_000_000), 0.0, "its torque is off");
+/// # Ok::<(), motorium_can::TableError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub enum AnySimulatedDrive {
+    /// One of the MIT family.
+    Mit(Box<SimulatedDrive>),
+    /// An ODrive.
+    Odrive(odrive::Odrive),
+    /// A drive of CiA 402.
+    Cia402(Box<cia402::Cia402>),
+    /// A moteus.
+    Moteus(moteus::Moteus),
+    /// A Feetech servo.
+    Servo(servo::Servo),
+}
+
+impl AnySimulatedDrive {
+    /// The drive of an entry of a table.
+    pub fn new(table: &Table, index: usize, overrides: Overrides) -> Self {
+        let entry = &table.drives[index];
+        let watchdog_ns = Some(overrides.watchdog_ns.unwrap_or(entry.watchdog.ns)).filter(|ns| *ns > 0);
+        match (entry.protocol, table.drive(index)) {
+            (_, Some(mut codec)) => {
+                if let Some(torque) = overrides.torque {
+                    codec.ranges.torque = Range::symmetric(torque);
+                }
+                Self::Mit(Box::new(SimulatedDrive::new(codec, watchdog_ns)))
+            }
+            (Protocol::Cia402, _) => Self::Cia402(Box::new(cia402::Cia402::new(table, index, overrides))),
+            (Protocol::Moteus, _) => Self::Moteus(moteus::Moteus::new(table, index, watchdog_ns)),
+            (Protocol::Feetech, _) => Self::Servo(servo::Servo::new(table, index)),
+            _ => Self::Odrive(odrive::Odrive::new(table, index, watchdog_ns)),
+        }
+    }
+
+    /// Identifiers of the frames that it hears.
+    pub fn ids(&self) -> Vec<Id> {
+        match self {
+            Self::Mit(drive) => vec![drive.codec().id(), damiao::EVERYBODY],
+            Self::Odrive(drive) => drive.ids(),
+            Self::Cia402(drive) => drive.ids(),
+            Self::Moteus(drive) => drive.ids(),
+            Self::Servo(drive) => drive.ids(),
+        }
+    }
+
+    /// A frame on the bus at `now_ns`, and `answer` for each frame with which it answers.
+    pub fn receive(&mut self, frame: &Frame, now_ns: u64, answer: &mut dyn FnMut(Frame)) {
+        match self {
+            Self::Mit(drive) => drive.receive(frame, now_ns).into_iter().for_each(answer),
+            Self::Odrive(drive) => drive.receive(frame, now_ns),
+            Self::Cia402(drive) => drive.receive(frame, now_ns, answer),
+            Self::Moteus(drive) => drive.receive(frame, now_ns).into_iter().for_each(answer),
+            Self::Servo(drive) => drive.receive(frame).into_iter().for_each(answer),
+        }
+    }
+
+    /// What it sends by itself until `now_ns`: each frame with its time.
+    pub fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
+        match self {
+            Self::Odrive(drive) => drive.report(now_ns, say),
+            Self::Cia402(drive) => drive.report(now_ns, say),
+            Self::Mit(_) | Self::Moteus(_) | Self::Servo(_) => {}
+        }
+    }
+
+    /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: its torque from now on, N m.
+    pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
+        match self {
+            Self::Mit(drive) => drive.step(position, velocity, now_ns),
+            Self::Odrive(drive) => drive.step(position, velocity, now_ns),
+            Self::Cia402(drive) => drive.step(position, velocity, now_ns),
+            Self::Moteus(drive) => drive.step(position, velocity, now_ns),
+            Self::Servo(drive) => drive.step(position, velocity, now_ns),
+        }
+    }
+
+    /// Takes its power away: it is disabled when it comes back.
+    pub fn cut_power(&mut self) {
+        match self {
+            Self::Mit(drive) => drive.cut_power(),
+            Self::Odrive(drive) => drive.cut_power(),
+            Self::Cia402(drive) => drive.cut_power(),
+            Self::Moteus(drive) => drive.cut_power(),
+            Self::Servo(drive) => drive.cut_power(),
+        }
+    }
+
+    /// True if it follows commands.
+    pub fn is_enabled(&self) -> bool {
+        match self {
+            Self::Mit(drive) => drive.is_enabled(),
+            Self::Odrive(drive) => drive.is_enabled(),
+            Self::Cia402(drive) => drive.is_enabled(),
+            Self::Moteus(drive) => drive.is_enabled(),
+            Self::Servo(drive) => drive.is_enabled(),
+        }
+    }
+
+    /// Times that its watchdog let go.
+    pub fn watchdog_trips(&self) -> u64 {
+        match self {
+            Self::Mit(drive) => drive.watchdog_trips(),
+            Self::Odrive(drive) => drive.watchdog_trips,
+            Self::Cia402(drive) => drive.watchdog_trips,
+            Self::Moteus(drive) => drive.watchdog_trips,
+            Self::Servo(_) => 0,
+        }
+    }
+
+    /// Its temperature, degrees Celsius.
+    pub fn temperature(&self) -> f64 {
+        match self {
+            Self::Mit(drive) => drive.temperature(),
+            Self::Odrive(drive) => drive.motor.temperature,
+            Self::Cia402(drive) => drive.motor.temperature,
+            Self::Moteus(drive) => drive.motor.temperature,
+            Self::Servo(drive) => drive.motor.temperature,
+        }
+    }
+}
+
+/// The motor of a simulated drive: its shaft, the torque that it gives, its temperature.
+#[derive(Clone, Debug)]
+struct Motor {
+    /// N m.
+    largest: f64,
+    stepped_ns: u64,
+    position: f64,
+    velocity: f64,
+    torque: f64,
+    temperature: f64,
+}
+
+/// Temperature of the surroundings, degrees Celsius.
+const SURROUNDINGS: f64 = 25.0;
+/// Rise of the temperature at full torque for ever, degrees.
+const RISE: f64 = 90.0;
+/// Time constant of the temperature, s.
+const WARM_UP: f64 = 120.0;
+/// Temperature at which a drive lets go, degrees Celsius.
+const TOO_HOT: f64 = 100.0;
+
+impl Motor {
+    fn new(largest: f64) -> Self {
+        let temperature = SURROUNDINGS;
+        Self { largest, stepped_ns: 0, position: 0.0, velocity: 0.0, torque: 0.0, temperature }
+    }
+
+    /// Its shaft is at this position \[rad\] and velocity \[rad/s\] now.
+    fn turn(&mut self, position: f64, velocity: f64, now_ns: u64) {
+        (self.position, self.velocity) = (position, velocity);
+        let dt = now_ns.saturating_sub(self.stepped_ns) as f64 * 1e-9;
+        self.stepped_ns = now_ns;
+        let goal = SURROUNDINGS + RISE * (self.torque / self.largest).powi(2);
+        self.temperature += (goal - self.temperature) * (dt / WARM_UP).min(1.0);
+    }
+
+    fn is_too_hot(&self) -> bool {
+        self.temperature > TOO_HOT
+    }
+
+    /// Gives a torque as far as it reaches, N m; none while it is let go.
+    fn give(&mut self, wanted: Option<f64>) -> f64 {
+        self.torque = wanted.map_or(0.0, |torque| torque.clamp(-self.largest, self.largest));
+        self.torque
+    }
+}
+
+/// A watchdog: it expires when it is not fed for its time.
+#[derive(Clone, Copy, Debug)]
+struct Watchdog {
+    after_ns: Option<u64>,
+    fed_ns: u64,
+}
+
+impl Watchdog {
+    fn new(after_ns: Option<u64>) -> Self {
+        Self { after_ns, fed_ns: 0 }
+    }
+
+    fn has_expired(&self, now_ns: u64) -> bool {
+        self.after_ns.is_some_and(|after_ns| now_ns.saturating_sub(self.fed_ns) >= after_ns)
+    }
+}

@@ -1,0 +1,94 @@
+//! A simulated moteus drive.
+
+use super::{Motor, Watchdog};
+use crate::frame::{Frame, Id};
+use crate::moteus::{Command, Instruction, Mode, Node, Resolution, State};
+use crate::table::{LoopEntry, Table};
+
+/// The fault of a motor that is too hot.
+const OVER_TEMPERATURE: u8 = 40;
+
+/// A moteus: a position loop with gains that commands scale, and a watchdog that each command sets.
+#[derive(Clone, Debug)]
+pub struct Moteus {
+    node: Node,
+    gains: LoopEntry,
+    /// That which stands in the drive, for commands that name none.
+    own_watchdog_ns: Option<u64>,
+    watchdog: Watchdog,
+    mode: Mode,
+    fault: u8,
+    command: Command,
+    /// Where it is held while its commands name no position.
+    held: Option<f64>,
+    pub(super) motor: Motor,
+    pub(super) watchdog_trips: u64,
+}
+
+impl Moteus {
+    pub(super) fn new(table: &Table, index: usize, watchdog_ns: Option<u64>) -> Self {
+        Self {
+            node: Node::new(table.drives[index].node).unwrap_or(Node::FIRST),
+            gains: table.position_loop(index),
+            own_watchdog_ns: watchdog_ns,
+            watchdog: Watchdog::new(watchdog_ns),
+            mode: Mode::Stopped,
+            fault: 0,
+            command: Command::default(),
+            held: None,
+            motor: Motor::new(table.ranges(index).torque.max),
+            watchdog_trips: 0,
+        }
+    }
+
+    pub(super) fn ids(&self) -> Vec<Id> {
+        vec![self.node.id()]
+    }
+
+    pub(super) fn is_enabled(&self) -> bool {
+        self.mode == Mode::Position
+    }
+
+    pub(super) fn cut_power(&mut self) {
+        (self.mode, self.fault, self.held) = (Mode::Stopped, 0, None);
+    }
+
+    pub(super) fn receive(&mut self, frame: &Frame, now_ns: u64) -> Option<Frame> {
+        let is_latched = matches!(self.mode, Mode::Fault | Mode::Timeout);
+        match self.node.instruction(frame).ok()? {
+            Instruction::Stop => (self.mode, self.fault, self.held) = (Mode::Stopped, 0, None),
+            Instruction::Position(command) if !is_latched => {
+                self.mode = Mode::Position;
+                self.held = command.position.is_nan().then(|| self.held.unwrap_or(self.motor.position));
+                self.command = command;
+                self.watchdog.fed_ns = now_ns;
+                let named_ns = (command.watchdog * 1e9) as u64;
+                self.watchdog.after_ns = if named_ns > 0 { Some(named_ns) } else { self.own_watchdog_ns };
+            }
+            Instruction::Brake if !is_latched => self.mode = Mode::Brake,
+            Instruction::Position(_) | Instruction::Brake | Instruction::Query => {}
+        }
+        let Motor { position, velocity, torque, temperature, .. } = self.motor;
+        let (mode, fault) = (self.mode, self.fault);
+        let state = State { mode, position, velocity, torque, voltage: 24.0, temperature, fault };
+        Some(self.node.reply_frame(&state, Resolution::Int16))
+    }
+
+    pub(super) fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
+        self.motor.turn(position, velocity, now_ns);
+        if self.is_enabled() && self.watchdog.has_expired(now_ns) {
+            // it stays so until it is stopped
+            self.mode = Mode::Timeout;
+            self.watchdog_trips += 1;
+        }
+        if self.is_enabled() && self.motor.is_too_hot() {
+            (self.mode, self.fault) = (Mode::Fault, OVER_TEMPERATURE);
+        }
+        let command = &self.command;
+        let (kp, kd) = (self.gains.kp * command.kp_scale, self.gains.kd * command.kd_scale);
+        let target = self.held.unwrap_or(command.position);
+        let wanted = kp * (target - position) + kd * (command.velocity - velocity) + command.torque;
+        let limit = if command.max_torque.is_nan() { self.motor.largest } else { command.max_torque.abs() };
+        self.motor.give(self.is_enabled().then_some(wanted.clamp(-limit, limit)))
+    }
+}

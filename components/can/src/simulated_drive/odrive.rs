@@ -1,0 +1,135 @@
+//! A simulated ODrive: encoder estimates and torques at the rate that is set in it, a heartbeat each tenth of a second.
+
+use super::{Motor, Watchdog};
+use crate::frame::{Frame, Id};
+use crate::odrive::{AxisState, ControlMode, Instruction, Node, Report};
+use crate::table::{LoopEntry, Table};
+
+/// Time between two heartbeats, ns.
+const HEARTBEAT_NS: u64 = 100_000_000;
+/// Errors of an axis, as the heartbeat has them.
+const ESTOP_REQUESTED: u32 = 0x4000;
+const WATCHDOG_EXPIRED: u32 = 0x800;
+const MOTOR_TOO_HOT: u32 = 0x4_0000;
+
+/// A drive that gives `kp (position - q) + kd (velocity - v) + torque`: the gain of its position loop times that of its velocity
+/// loop is `kp`, that of its velocity loop `kd`.
+#[derive(Clone, Debug)]
+pub struct Odrive {
+    node: Node,
+    gains: LoopEntry,
+    every_ns: u64,
+    control: ControlMode,
+    setpoint: [f64; 3],
+    error: u32,
+    is_enabled: bool,
+    watchdog: Watchdog,
+    next_report_ns: u64,
+    next_heartbeat_ns: u64,
+    pub(super) motor: Motor,
+    pub(super) watchdog_trips: u64,
+}
+
+impl Odrive {
+    pub(super) fn new(table: &Table, index: usize, watchdog_ns: Option<u64>) -> Self {
+        let entry = &table.drives[index];
+        // nodes do not report at the same moment
+        let phase_ns = 37_000 * (1 + u64::from(entry.node));
+        Self {
+            node: Node::new(entry.node).unwrap_or(Node::FIRST),
+            gains: table.position_loop(index),
+            every_ns: entry.report_every.map_or(10_000_000, |every| every.ns),
+            control: ControlMode::Position,
+            setpoint: [0.0; 3],
+            error: 0,
+            is_enabled: false,
+            watchdog: Watchdog::new(watchdog_ns),
+            next_report_ns: phase_ns,
+            next_heartbeat_ns: phase_ns,
+            motor: Motor::new(table.ranges(index).torque.max),
+            watchdog_trips: 0,
+        }
+    }
+
+    pub(super) fn ids(&self) -> Vec<Id> {
+        // a message to it has the number of its own reports
+        (0..0x20).map(|command| self.node.id(command)).collect()
+    }
+
+    pub(super) fn is_enabled(&self) -> bool {
+        self.is_enabled
+    }
+
+    pub(super) fn cut_power(&mut self) {
+        (self.is_enabled, self.error, self.setpoint) = (false, 0, [0.0; 3]);
+        self.control = ControlMode::Position;
+    }
+
+    pub(super) fn receive(&mut self, frame: &Frame, now_ns: u64) {
+        let Ok(instruction) = self.node.instruction(frame) else { return };
+        self.watchdog.fed_ns = now_ns;
+        match instruction {
+            Instruction::EmergencyStop => self.fail(ESTOP_REQUESTED),
+            Instruction::ClearErrors => self.error = 0,
+            Instruction::SetModes(control, _) => self.control = control,
+            Instruction::SetState(AxisState::ClosedLoop) if self.error == 0 => {
+                if !self.is_enabled {
+                    // it begins where it is
+                    self.setpoint = [self.motor.position, 0.0, 0.0];
+                }
+                self.is_enabled = true;
+            }
+            Instruction::SetState(AxisState::ClosedLoop) => {}
+            Instruction::SetState(_) => self.is_enabled = false,
+            Instruction::Position { position, velocity, torque } => {
+                self.setpoint = [position, velocity, torque]
+            }
+            Instruction::Velocity { velocity, torque } => {
+                (self.setpoint[1], self.setpoint[2]) = (velocity, torque);
+            }
+            Instruction::Torque(torque) => self.setpoint[2] = torque,
+        }
+    }
+
+    fn fail(&mut self, error: u32) {
+        self.error |= error;
+        self.is_enabled = false;
+    }
+
+    pub(super) fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
+        while self.next_report_ns <= now_ns {
+            let Motor { position, velocity, torque, .. } = self.motor;
+            say(self.node.report_frame(&Report::Encoder { position, velocity }), self.next_report_ns);
+            let torques = Report::Torques { target: self.setpoint[2], estimate: torque };
+            say(self.node.report_frame(&torques), self.next_report_ns);
+            self.next_report_ns += self.every_ns;
+        }
+        while self.next_heartbeat_ns <= now_ns {
+            let state = if self.is_enabled { AxisState::ClosedLoop } else { AxisState::Idle };
+            let heartbeat = Report::Heartbeat { error: self.error, state };
+            say(self.node.report_frame(&heartbeat), self.next_heartbeat_ns);
+            self.next_heartbeat_ns += HEARTBEAT_NS;
+        }
+    }
+
+    pub(super) fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
+        self.motor.turn(position, velocity, now_ns);
+        if self.is_enabled && self.watchdog.has_expired(now_ns) {
+            self.fail(WATCHDOG_EXPIRED);
+            self.watchdog_trips += 1;
+        }
+        if self.is_enabled && self.motor.is_too_hot() {
+            self.fail(MOTOR_TOO_HOT);
+        }
+        let [p, v, torque] = self.setpoint;
+        let LoopEntry { kp, kd } = self.gains;
+        let wanted = match self.control {
+            ControlMode::Position => kp * (p - position) + kd * (v - velocity) + torque,
+            ControlMode::Velocity => kd * (v - velocity) + torque,
+            ControlMode::Torque => torque,
+            // a voltage moves nothing that is simulated here
+            ControlMode::Voltage => 0.0,
+        };
+        self.motor.give(self.is_enabled.then_some(wanted))
+    }
+}

@@ -1,0 +1,203 @@
+//! The mistakes of a drive table that it shows by itself.
+
+use super::{BusEntry, BusKind, DriveEntry, Protocol, Table};
+use crate::Range;
+use crate::frame::Id;
+
+/// A mistake: the table and its index, what was found, what to try.
+pub(super) type Mistake = (Option<(&'static str, usize)>, String, &'static str);
+
+/// What was found, and what to try.
+type Refusal = (String, &'static str);
+
+/// Servos on one serial line, whose numbers one packet names.
+const SERVOS: usize = 50;
+
+/// Checks a table by itself.
+pub(super) fn check(table: &Table) -> Result<(), Mistake> {
+    for (index, bus) in table.buses.iter().enumerate() {
+        let at = |(message, advice): Refusal| (Some(("bus", index)), message, advice);
+        check_bus(bus, &table.buses[..index]).map_err(at)?;
+        check_speakers(table, bus).map_err(at)?;
+    }
+    for (index, drive) in table.drives.iter().enumerate() {
+        let at = |(message, advice): Refusal| {
+            (Some(("drive", index)), format!("drive of `{}`: {message}", drive.joint), advice)
+        };
+        check_drive(table, index).and_then(|()| check_protocol(table, drive)).map_err(at)?;
+    }
+    if table.drives.is_empty() {
+        return Err((None, "there is no drive".into(), "add a `[[drive]]` for each joint"));
+    }
+    Ok(())
+}
+
+fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
+    let refuse = |message: &str, advice| Err((format!("bus `{}`: {message}", bus.name), advice));
+    let is_serial = bus.kind == BusKind::Serial;
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+    if bus.name.is_empty() || !bus.name.chars().all(is_plain) {
+        let message = format!("a bus named {:?}", bus.name);
+        return Err((message, "name it by letters, digits, `_` and `-`: its ports are named after it"));
+    }
+    let speeds = if is_serial { 9_600..=4_000_000 } else { 10_000..=1_000_000 };
+    if !speeds.contains(&bus.bitrate) {
+        let advice = match is_serial {
+            true => "write bits per second, 9600 to 4000000",
+            false => "write bits per second, 10000 to 1000000",
+        };
+        return refuse(&format!("a bitrate of {}", bus.bitrate), advice);
+    }
+    if bus.data_bitrate.is_some() && is_serial {
+        return refuse("a bitrate of data on a serial line", "leave `data_bitrate` out");
+    }
+    if bus.data_bitrate.is_some_and(|fast| fast < bus.bitrate || fast > 8_000_000) {
+        let advice = "write bits per second, from `bitrate` to 8000000";
+        return refuse("a bitrate of data below the other, or too high", advice);
+    }
+    if let Some(interface) = &bus.interface {
+        let is_path = interface.starts_with('/');
+        if is_serial && !is_path {
+            let message = format!("a serial line named {interface:?}");
+            return refuse(&message, "write its path, such as `/dev/ttyACM0`");
+        }
+        if interface.is_empty() || (interface.len() > 15 && !is_path) {
+            let advice = "name one as `ip link` does: 1 to 15 letters; or a serial line: `/dev/ttyACM0`";
+            return refuse(&format!("an interface named {interface:?}"), advice);
+        }
+    }
+    if before.iter().any(|other| bus.interface.is_some() && other.interface == bus.interface) {
+        return refuse("another bus has its interface", "a bus has one interface of its own");
+    }
+    if before.first().is_some_and(|first| first.interface.is_some() != bus.interface.is_some()) {
+        let advice = "give all of them an `interface`, or none";
+        return refuse("simulated buses and real ones in one table", advice);
+    }
+    if before.iter().any(|other| other.name == bus.name) {
+        return Err((format!("bus `{}` stands there twice", bus.name), "name each bus once"));
+    }
+    Ok(())
+}
+
+/// Refuses drives on one bus whose identifiers mean something else in the protocol of others.
+fn check_speakers(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
+    let on_bus = || table.drives.iter().filter(|drive| drive.bus == bus.name);
+    let takes_all = |protocol| matches!(protocol, Protocol::Odrive | Protocol::Cia402);
+    let Some(first) = on_bus().next() else { return Ok(()) };
+    let other = on_bus().find(|drive| drive.protocol != first.protocol);
+    if let Some(other) = other
+        && (takes_all(first.protocol) || takes_all(other.protocol))
+    {
+        let message = format!(
+            "bus `{}`: drives of {:?} and {:?}, whose identifiers overlap",
+            bus.name, first.protocol, other.protocol
+        );
+        return Err((message, "put ODrives and CANopen drives on buses of their own"));
+    }
+    if bus.kind == BusKind::Serial && on_bus().count() > SERVOS {
+        let message = format!("bus `{}`: {} servos, expected at most {SERVOS}", bus.name, on_bus().count());
+        return Err((message, "spread them over more lines"));
+    }
+    Ok(())
+}
+
+fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
+    let (drive, before) = (&table.drives[index], &table.drives[..index]);
+    let refuse = |message: String, advice| Err((message, advice));
+    if table.bus_of(drive).is_none() {
+        return refuse(format!("no bus is named `{}`", drive.bus), "add a `[[bus]]` of that name");
+    }
+    if before.iter().any(|other| other.joint == drive.joint) {
+        return refuse("another drive moves that joint".into(), "name each joint once");
+    }
+    let first = u8::from(drive.protocol != Protocol::Odrive);
+    if drive.node < first || drive.node > drive.protocol.last_node() {
+        let advice = "nodes are numbered from 1 (ODrive: 0); those of Damiao drives end at 15, of ODrives at 63, of \
+                      CiA 402 and moteus at 126, of servos at 253";
+        return refuse(format!("node {}", drive.node), advice);
+    }
+    if before.iter().any(|other| other.bus == drive.bus && other.node == drive.node) {
+        let message = format!("node {} stands on that bus twice", drive.node);
+        return refuse(message, "give each its own number");
+    }
+    if let Some(mine) = table.drive(index)
+        && (mine.reply_id == mine.id() || matches!(mine.reply_id, Id::Standard(id) if id > 0x7fe))
+    {
+        return refuse("the identifier of its answers is taken".into(), "choose another `master`");
+    }
+    let ranges = table.ranges(index);
+    let valid = [ranges.position, ranges.velocity, ranges.torque, ranges.kp, ranges.kd];
+    if !valid.iter().all(Range::is_valid) {
+        return refuse("a range that is not positive".into(), "write the largest value of each field");
+    }
+    let gains = drive.ranges.kp.is_some() || drive.ranges.kd.is_some();
+    if gains && drive.protocol == Protocol::Damiao {
+        let advice = "leave `kp` and `kd` out, and let `ratio` scale them";
+        return refuse("the gains of a Damiao drive end at 500 and 5".into(), advice);
+    }
+    if !(drive.ratio.is_finite() && drive.ratio > 0.0 && drive.offset.is_finite()) {
+        let advice = "write a positive ratio, and `reversed = true` for a drive that turns the other way";
+        return refuse(format!("a ratio of {}, an offset of {}", drive.ratio, drive.offset), advice);
+    }
+    Ok(())
+}
+
+/// The keys that belong to one protocol, and what one protocol needs.
+fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
+    let protocol = drive.protocol;
+    let Some(bus) = table.bus_of(drive).map(|index| &table.buses[index]) else { return Ok(()) };
+    if protocol.bus() != bus.kind {
+        let message = format!("{protocol:?} on the bus `{}`, which is {:?}", bus.name, bus.kind);
+        return Err((message, "servos are on buses with `kind = \"serial\"`, all others on CAN buses"));
+    }
+    if protocol == Protocol::Moteus && bus.data_bitrate.is_none() {
+        let message = format!("moteus on the classic bus `{}`", bus.name);
+        return Err((message, "its frames are CAN FD: give the bus a `data_bitrate`, usually 5_000_000"));
+    }
+    let is_cia402 = protocol == Protocol::Cia402;
+    let foreign = [
+        ("master", drive.master.is_some(), protocol.reply().is_some(), "the MIT family"),
+        ("mode", drive.mode.is_some(), protocol.has_modes(), "ODrive and CiA 402"),
+        (
+            "position_loop",
+            drive.position_loop.is_some(),
+            protocol.has_loop(),
+            "drives with a loop of their own",
+        ),
+        ("report_every", drive.report_every.is_some(), protocol == Protocol::Odrive, "ODrive"),
+        ("increments", drive.increments.is_some(), is_cia402, "CiA 402"),
+        ("rated_torque", drive.rated_torque.is_some(), is_cia402, "CiA 402"),
+    ];
+    if let Some((key, _, _, owner)) = foreign.iter().find(|(_, is_there, is_known, _)| *is_there && !is_known)
+    {
+        return Err((format!("`{key}`, which is a key of {owner}"), "leave it out"));
+    }
+    let positive = |value: Option<f64>| value.is_some_and(|value| value.is_finite() && value > 0.0);
+    if is_cia402 && !(positive(drive.increments) && positive(drive.rated_torque)) {
+        let message = format!("increments {:?}, rated torque {:?}", drive.increments, drive.rated_torque);
+        let advice =
+            "write `increments` per turn of the output shaft, and `rated_torque`, object 0x6076 in N m";
+        return Err((message, advice));
+    }
+    if is_cia402 && !drive.watchdog.ns.is_multiple_of(1_000_000) {
+        return Err((
+            format!("a watchdog of {} ns", drive.watchdog.ns),
+            "write whole milliseconds: object 0x1016 has them",
+        ));
+    }
+    if protocol == Protocol::Feetech && drive.watchdog.ns > 0 {
+        let advice = "write `watchdog = \"0 s\"`, and `allow_no_watchdog = true` for the adapter: it holds its last goal";
+        return Err(("a watchdog, which such a servo does not have".into(), advice));
+    }
+    if drive.report_every.is_some_and(|every| every.ns == 0) {
+        return Err(("no report of the encoder".into(), "let the drive report it, every cycle if it can"));
+    }
+    let sound = |gain: f64| gain.is_finite() && gain >= 0.0;
+    if drive.position_loop.is_some_and(|gains| !sound(gains.kd) || !positive(Some(gains.kp))) {
+        return Err((
+            "gains of its loop that are not positive".into(),
+            "write `kp` above 0, `kd` of 0 or more",
+        ));
+    }
+    Ok(())
+}

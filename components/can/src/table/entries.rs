@@ -1,0 +1,197 @@
+//! The entries of a drive table, as its file has them.
+
+use motorium::units::TimeSpan;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::mit;
+
+/// A bus of a drive table.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BusEntry {
+    /// Its name.
+    pub name: String,
+    /// Its kind: "can", or "serial" for a line of serial servos. Default "can".
+    #[serde(default)]
+    pub kind: BusKind,
+    /// The network interface of the computer that it is, such as "can0" or "vcan0", or the serial line of an slcan adapter or of
+    /// serial servos, such as "/dev/ttyACM0". Without one it is simulated.
+    pub interface: Option<String>,
+    /// Bits per second of arbitration, and of whole classic frames; of a serial line its speed.
+    pub bitrate: u32,
+    /// Bits per second of the data of CAN FD frames; without it the bus is a classic one.
+    pub data_bitrate: Option<u32>,
+    /// Longest time from a command to the beginning of its answer. Default 100 us.
+    #[serde(default = "turn_round")]
+    pub turn_round: TimeSpan,
+}
+
+fn turn_round() -> TimeSpan {
+    TimeSpan { ns: 100_000 }
+}
+
+/// The kind of a bus.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BusKind {
+    /// A CAN bus.
+    #[default]
+    Can,
+    /// A serial line that all servos share.
+    Serial,
+}
+
+/// A drive of a drive table.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DriveEntry {
+    /// The joint that it moves.
+    pub joint: String,
+    /// The bus that it is on.
+    pub bus: String,
+    /// Its protocol.
+    pub protocol: Protocol,
+    /// Its number on the bus.
+    pub node: u8,
+    /// The identifier of its answers. Default: 0; of a Damiao drive the node and 0x10. Of the MIT family only.
+    pub master: Option<u16>,
+    /// The ranges of its fields; of protocols without ranges the largest values that it reaches.
+    pub ranges: RangeEntry,
+    /// Time without a command after which the drive lets go by itself; "0 s" for never.
+    pub watchdog: TimeSpan,
+    /// Angle of the drive's output shaft per joint position (rad/rad or rad/m). Default 1.
+    #[serde(default = "one")]
+    pub ratio: f64,
+    /// The drive turns the other way round. Default false.
+    #[serde(default)]
+    pub reversed: bool,
+    /// Joint position where the drive says zero (rad or m). Default 0.
+    #[serde(default)]
+    pub offset: f64,
+    /// The quantity that it is commanded: "position", by its own loop, or "torque", with the gains of the commands applied in the
+    /// adapter. Default "position". Of ODrive and CiA 402 only.
+    pub mode: Option<ControlMode>,
+    /// Gains of the drive's own position loop. Default: full torque at a twentieth of a radian. Of drives that are commanded
+    /// positions, and of moteus.
+    pub position_loop: Option<LoopEntry>,
+    /// Time between two reports of the encoder, as it is set in the drive. Default 10 ms. Of ODrive only.
+    pub report_every: Option<TimeSpan>,
+    /// Increments of the encoder per turn of the output shaft. Of CiA 402 only, where it is required.
+    pub increments: Option<f64>,
+    /// The rated torque, of which torques are thousandths: object 0x6076, N m. Of CiA 402 only, where it is required.
+    pub rated_torque: Option<f64>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// The quantity that a drive is commanded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ControlMode {
+    /// Positions, which the drive follows by a loop of its own.
+    #[default]
+    Position,
+    /// Torques: the adapter applies the gains of the command to the newest state, once a cycle.
+    Torque,
+}
+
+/// The gains of a drive's own position loop, in the units of its output shaft.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LoopEntry {
+    /// Position gain, N m/rad.
+    pub kp: f64,
+    /// Velocity gain, N m s/rad.
+    pub kd: f64,
+}
+
+/// The ranges of a drive's fields, in the units of its output shaft.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RangeEntry {
+    /// Largest position, rad.
+    pub position: f64,
+    /// Largest velocity, rad/s.
+    pub velocity: f64,
+    /// Largest torque, N m.
+    pub torque: f64,
+    /// Largest position gain, N m/rad. Default 500.
+    pub kp: Option<f64>,
+    /// Largest velocity gain, N m s/rad. Default 5.
+    pub kd: Option<f64>,
+}
+
+impl RangeEntry {
+    pub(super) fn ranges(&self) -> mit::Ranges {
+        let gains = (self.kp.unwrap_or(500.0), self.kd.unwrap_or(5.0));
+        mit::Ranges::new(self.position, self.velocity, self.torque).with_gains(gains.0, gains.1)
+    }
+}
+
+/// The protocol of a drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Protocol {
+    /// The MIT protocol with answers of six bytes.
+    MiniCheetah,
+    /// The same with answers of eight bytes, with the supply voltage.
+    MiniCheetahVoltage,
+    /// The MIT protocol of CubeMars.
+    Cubemars,
+    /// The MIT protocol of Damiao, whose registers tell ranges and watchdog.
+    Damiao,
+    /// The MIT protocol of RobStride.
+    Robstride,
+    /// CANSimple of ODrive.
+    Odrive,
+    /// CiA 402 over CANopen, in the cyclic synchronous modes.
+    Cia402,
+    /// Registers of moteus over CAN FD.
+    Moteus,
+    /// Packets of Feetech's STS servos on a serial line.
+    Feetech,
+}
+
+impl Protocol {
+    /// The form of its answers, of the MIT family.
+    pub(super) fn reply(self) -> Option<mit::Reply> {
+        Some(match self {
+            Self::MiniCheetah => mit::Reply::MiniCheetah,
+            Self::MiniCheetahVoltage => mit::Reply::MiniCheetahVoltage,
+            Self::Cubemars => mit::Reply::CubeMars,
+            Self::Damiao => mit::Reply::Damiao,
+            Self::Robstride => mit::Reply::RobStride,
+            Self::Odrive | Self::Cia402 | Self::Moteus | Self::Feetech => return None,
+        })
+    }
+
+    /// The largest number of a drive.
+    pub(super) fn last_node(self) -> u8 {
+        match self {
+            Self::Damiao => 0xf,
+            Self::Odrive => 63,
+            // 127 is the adapter's own
+            Self::Cia402 | Self::Moteus => 126,
+            Self::Feetech => 253,
+            _ => 255,
+        }
+    }
+
+    /// The kind of bus that it is spoken on.
+    pub(super) fn bus(self) -> BusKind {
+        if self == Self::Feetech { BusKind::Serial } else { BusKind::Can }
+    }
+
+    /// True for drives that are commanded positions or torques, as the table says.
+    pub(super) fn has_modes(self) -> bool {
+        matches!(self, Self::Odrive | Self::Cia402)
+    }
+
+    /// True for drives with a position loop of their own, whose gains the table says.
+    pub(super) fn has_loop(self) -> bool {
+        matches!(self, Self::Odrive | Self::Cia402 | Self::Moteus | Self::Feetech)
+    }
+}

@@ -1,0 +1,252 @@
+//! The drive table: which drive moves which joint, on which bus, by which protocol, with which settings.
+
+mod check;
+mod entries;
+
+use core::ops::Range as Span;
+
+use serde::Deserialize;
+
+use crate::bus::bits::Rates;
+use crate::bus::budget::{Budget, Shape};
+use crate::frame::{Form, Id};
+use crate::mit;
+pub use entries::{BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry};
+
+/// A drive table, as its TOML file has it.
+///
+/// ```
+/// use motorium_can::Table;
+///
+/// let text = r#"
+/// [[bus]]
+/// name    = "can0"
+/// bitrate = 1_000_000
+///
+/// [[drive]]
+/// joint    = "elbow"
+/// bus      = "can0"
+/// protocol = "mini_cheetah"
+/// node     = 1
+/// watchdog = "20 ms"
+/// ranges   = { position = 12.5, velocity = 65.0, torque = 18.0 }
+/// "#;
+/// let table = Table::parse(text)?;
+/// assert_eq!(table.drives[0].joint, "elbow");
+/// # Ok::<(), motorium_can::TableError>(())
+/// ```
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Table {
+    /// The buses.
+    #[serde(rename = "bus")]
+    pub buses: Vec<BusEntry>,
+    /// The drives.
+    #[serde(rename = "drive")]
+    pub drives: Vec<DriveEntry>,
+}
+
+/// A drive table that cannot be.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{}{message}", .line.map_or_else(String::new, |line| format!("line {line}: ")))]
+pub struct TableError {
+    /// The line of the file, from 1, if one can be named.
+    pub line: Option<usize>,
+    /// The entry at fault: `bus` or `drive`, and its index.
+    pub entry: Option<(&'static str, usize)>,
+    /// The value found, and the values expected.
+    pub message: String,
+    /// Advice on how to mend it.
+    pub advice: &'static str,
+}
+
+/// From a joint to its drive and back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transmission {
+    /// Angle of the drive per joint position, signed (rad/rad or rad/m).
+    pub ratio: f64,
+    /// Joint position where the drive says zero (rad or m).
+    pub offset: f64,
+}
+
+impl Transmission {
+    /// The drive's position for that of the joint.
+    pub fn to_drive(&self, joint: f64) -> f64 {
+        (joint - self.offset) * self.ratio
+    }
+
+    /// The joint's position for that of the drive.
+    pub fn to_joint(&self, drive: f64) -> f64 {
+        drive / self.ratio + self.offset
+    }
+}
+
+impl Table {
+    /// Reads a table and checks it by itself.
+    ///
+    /// # Errors
+    /// It is no such table, or a value in it cannot be.
+    pub fn parse(text: &str) -> Result<Self, TableError> {
+        let line = |span: Option<Span<usize>>| {
+            span.map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count())
+        };
+        let table: Self = toml::from_str(text).map_err(|error| TableError {
+            line: line(error.span()),
+            entry: None,
+            message: error.message().to_string(),
+            advice: "the keys of a drive table stand in the page of `can.adapter`",
+        })?;
+        table.check().map_err(|error| {
+            let line = error.entry.and_then(|(entry, index)| nth_line(text, &format!("[[{entry}]]"), index));
+            TableError { line, ..error }
+        })?;
+        Ok(table)
+    }
+
+    /// Checks a table by itself.
+    ///
+    /// # Errors
+    /// A value in it cannot be.
+    pub fn check(&self) -> Result<(), TableError> {
+        let named = |(entry, message, advice)| TableError { line: None, entry, message, advice };
+        check::check(self).map_err(named)
+    }
+
+    /// True if its buses are interfaces of the computer.
+    pub fn is_real(&self) -> bool {
+        self.buses.iter().any(|bus| bus.interface.is_some())
+    }
+
+    /// The index of a drive's bus.
+    pub fn bus_of(&self, drive: &DriveEntry) -> Option<usize> {
+        self.buses.iter().position(|bus| bus.name == drive.bus)
+    }
+
+    /// The codec of a drive of the MIT family; `None` for one with another protocol.
+    pub fn drive(&self, index: usize) -> Option<mit::Drive> {
+        let entry = &self.drives[index];
+        let usual = if entry.protocol == Protocol::Damiao { 0x10 | u16::from(entry.node) } else { 0 };
+        Some(mit::Drive {
+            node: entry.node,
+            reply_id: Id::Standard(entry.master.unwrap_or(usual)),
+            reply: entry.protocol.reply()?,
+            ranges: self.ranges(index),
+            form: self.form(entry),
+        })
+    }
+
+    /// The ranges of a drive's fields, or the largest values that it reaches.
+    pub fn ranges(&self, index: usize) -> mit::Ranges {
+        self.drives[index].ranges.ranges()
+    }
+
+    /// The gains of a drive's own position loop: those of its entry, or full torque at a twentieth of a radian.
+    pub fn position_loop(&self, index: usize) -> LoopEntry {
+        let entry = &self.drives[index];
+        let torque = entry.ranges.torque;
+        entry.position_loop.unwrap_or(LoopEntry { kp: 20.0 * torque, kd: 2.0 * torque })
+    }
+
+    fn form(&self, drive: &DriveEntry) -> Form {
+        let bus = self.bus_of(drive).map(|bus| &self.buses[bus]);
+        let is_fast = bus.is_some_and(|bus| bus.data_bitrate.is_some());
+        match drive.protocol {
+            Protocol::Feetech => Form::Packet,
+            // their frames are classic ones on any bus
+            Protocol::Odrive | Protocol::Cia402 => Form::Classic,
+            _ if is_fast => Form::FdFast,
+            _ => Form::Classic,
+        }
+    }
+
+    /// The gear between a joint and its drive.
+    pub fn transmission(&self, index: usize) -> Transmission {
+        let entry = &self.drives[index];
+        let sign = if entry.reversed { -1.0 } else { 1.0 };
+        Transmission { ratio: sign * entry.ratio, offset: entry.offset }
+    }
+
+    /// The rates of a bus.
+    pub fn rates(&self, bus: usize) -> Rates {
+        let entry = &self.buses[bus];
+        Rates { nominal: entry.bitrate, fast: entry.data_bitrate.unwrap_or(entry.bitrate) }
+    }
+
+    /// The budget of one cycle on a bus.
+    pub fn budget(&self, bus: usize, cycle_ns: u64) -> Budget {
+        let entry = &self.buses[bus];
+        let drives = self.drives.iter().filter(|drive| self.bus_of(drive) == Some(bus));
+        let (mut exchanges, mut others) = (Vec::new(), Vec::new());
+        for drive in drives {
+            let command = Shape { extended: false, form: self.form(drive), bytes: 8 };
+            let of = |bytes| Shape { bytes, ..command };
+            match drive.protocol {
+                Protocol::Odrive => {
+                    exchanges.push((of(8), of(8)));
+                    // torques, and the heartbeat
+                    others.extend([of(8), of(8)]);
+                }
+                Protocol::Cia402 => {
+                    exchanges.push((of(6), of(6)));
+                    others.push(of(6));
+                }
+                Protocol::Moteus => {
+                    exchanges.push((Shape { extended: true, ..of(32) }, of(16)));
+                }
+                // in the packet with all goals, number and goal; in the one that asks, the number again
+                Protocol::Feetech => {
+                    exchanges.push((of(4), of(6 + usize::from(crate::feetech::STATE_BYTES))))
+                }
+                _ => {
+                    let reply = drive.protocol.reply().map_or(8, mit::Reply::length);
+                    exchanges.push((command, of(reply)));
+                }
+            }
+        }
+        let plain = Shape { extended: false, form: Form::Classic, bytes: 0 };
+        let speaks =
+            |protocol| self.drives.iter().any(|drive| drive.bus == entry.name && drive.protocol == protocol);
+        if speaks(Protocol::Cia402) {
+            // synchronisation, and the heartbeat of the adapter
+            others.extend([plain, Shape { bytes: 1, ..plain }]);
+        }
+        let mut turn_rounds = 1;
+        if entry.kind == BusKind::Serial {
+            // head and end of both packets; each servo in its turn
+            others.extend([Shape { form: Form::Packet, bytes: 8, ..plain }; 2]);
+            turn_rounds = exchanges.len() as u64;
+        }
+        let turn_round_ns = entry.turn_round.ns * turn_rounds;
+        Budget { rates: self.rates(bus), exchanges, others, turn_round_ns, cycle_ns }
+    }
+
+    /// The index of each joint's drive, in this order of the joints.
+    ///
+    /// # Errors
+    /// A joint has no drive, or a drive moves no such joint.
+    pub fn of_joints(&self, joints: &[String]) -> Result<Vec<usize>, TableError> {
+        let refuse = |message, advice| TableError { line: None, entry: None, message, advice };
+        if let Some(stray) = self.drives.iter().find(|drive| !joints.contains(&drive.joint)) {
+            let message = format!("the robot has no joint `{}`; it has {}", stray.joint, joints.join(", "));
+            return Err(refuse(message, "name the joints as the robot's model does"));
+        }
+        joints
+            .iter()
+            .map(|joint| {
+                let found = self.drives.iter().position(|drive| drive.joint == *joint);
+                found.ok_or_else(|| {
+                    refuse(format!("joint `{joint}` has no drive"), "add a `[[drive]]` for it")
+                })
+            })
+            .collect()
+    }
+}
+
+/// The line of the `index`-th header.
+fn nth_line(text: &str, header: &str, index: usize) -> Option<usize> {
+    text.lines()
+        .enumerate()
+        .filter(|(_, line)| line.trim().starts_with(header))
+        .nth(index)
+        .map(|(line, _)| line + 1)
+}

@@ -1,0 +1,285 @@
+//! The adapter against simulated drives of every protocol on a simulated bus, without a runtime.
+
+use motorium_can::adapter::{Adapter, Link, OnTrip, Phase, Setpoint, WrongSetting};
+use motorium_can::bus::simulated::Event;
+use motorium_can::{AnySimulatedDrive, Overrides, Received, SimulatedBus, Table, mit};
+
+const WATCHDOG_NS: u64 = 40_000_000;
+const STEP_NS: u64 = 250_000;
+/// Where the shafts of all drives stand at first, rad.
+const SHAFT: f64 = 0.5;
+
+/// A protocol, with what its entries have beside those of all.
+struct Case {
+    protocol: &'static str,
+    bus: &'static str,
+    more: &'static str,
+    cycle_ns: u64,
+}
+
+const CASES: [Case; 6] = [
+    Case { protocol: "damiao", bus: "", more: "", cycle_ns: 1_000_000 },
+    Case { protocol: "odrive", bus: "", more: "report_every = \"2 ms\"", cycle_ns: 2_000_000 },
+    Case {
+        protocol: "odrive",
+        bus: "",
+        more: "report_every = \"2 ms\"\nmode = \"torque\"",
+        cycle_ns: 2_000_000,
+    },
+    Case {
+        protocol: "cia402",
+        bus: "",
+        more: "increments = 65536.0\nrated_torque = 5.0",
+        cycle_ns: 1_000_000,
+    },
+    Case {
+        protocol: "cia402",
+        bus: "",
+        more: "increments = 65536.0\nrated_torque = 5.0\nmode = \"torque\"",
+        cycle_ns: 1_000_000,
+    },
+    Case { protocol: "moteus", bus: "data_bitrate = 5_000_000", more: "", cycle_ns: 1_000_000 },
+];
+const FEETECH: Case = Case { protocol: "feetech", bus: "kind = \"serial\"", more: "", cycle_ns: 5_000_000 };
+
+fn all() -> impl Iterator<Item = Case> {
+    CASES.into_iter().chain([FEETECH])
+}
+
+/// Two drives on a bus, and the adapter.
+struct Rig {
+    adapter: Adapter,
+    bus: SimulatedBus,
+    drives: [AnySimulatedDrive; 2],
+    cycle: u64,
+    cycle_ns: u64,
+    /// The first drive says nothing.
+    is_silent: bool,
+    torques: [f64; 2],
+    /// Where the shafts stand, rad.
+    shaft: f64,
+}
+
+impl Rig {
+    fn new(case: &Case, overrides: Overrides) -> Self {
+        let watchdog = if case.protocol == "feetech" { "0 s" } else { "40 ms" };
+        let drive = |joint: &str, node: u8| {
+            format!(
+                "[[drive]]\njoint = \"{joint}\"\nbus = \"bus\"\nprotocol = \"{}\"\nnode = {node}\nwatchdog = \"{watchdog}\"\n\
+                 ranges = {{ position = 3.14, velocity = 30.0, torque = 10.0 }}\n{}\n",
+                case.protocol, case.more
+            )
+        };
+        let bus = format!("[[bus]]\nname = \"bus\"\nbitrate = 1_000_000\n{}\n", case.bus);
+        let table = Table::parse(&format!("{bus}{}{}", drive("a", 1), drive("b", 2))).unwrap();
+        let mut adapter = Adapter::new(&table, &[0, 1], &[0.3, 0.3], OnTrip::Damp);
+        adapter.set_cycle(case.cycle_ns);
+        Self {
+            adapter,
+            bus: SimulatedBus::new(table.rates(0), 3, 64),
+            drives: [
+                AnySimulatedDrive::new(&table, 0, overrides),
+                AnySimulatedDrive::new(&table, 1, Overrides::default()),
+            ],
+            cycle: 0,
+            cycle_ns: case.cycle_ns,
+            is_silent: false,
+            torques: [0.0; 2],
+            shaft: SHAFT,
+        }
+    }
+
+    fn healthy(case: &Case) -> Self {
+        let mut rig = Self::new(case, Overrides::default());
+        rig.run(400);
+        assert_eq!(rig.phases(), [Phase::Enabled; 2], "{} {:?}", case.protocol, rig.adapter.wrong_setting());
+        rig
+    }
+
+    /// Runs cycles: the adapter sends, the bus and the drives go on step by step, the adapter collects.
+    fn run(&mut self, cycles: u64) {
+        for _ in 0..cycles {
+            let begin_ns = self.cycle * self.cycle_ns;
+            let mut frames = Vec::new();
+            self.adapter.write(0, &mut frames);
+            frames.iter().for_each(|frame| assert!(self.bus.enqueue(0, *frame, begin_ns)));
+            self.adapter.sent(0, frames.len(), begin_ns);
+            self.cycle += 1;
+            for now_ns in (begin_ns..self.cycle * self.cycle_ns).step_by(STEP_NS as usize) {
+                self.step(now_ns + STEP_NS);
+            }
+            self.adapter.end_cycle(true);
+        }
+    }
+
+    fn step(&mut self, now_ns: u64) {
+        let Self { bus, drives, adapter, is_silent, .. } = self;
+        for (index, drive) in drives.iter_mut().enumerate() {
+            drive.report(now_ns, &mut |frame, time_ns| {
+                if index > 0 || !*is_silent {
+                    bus.enqueue(index + 1, frame, time_ns);
+                }
+            });
+        }
+        while let Some(event) = bus.next(now_ns) {
+            let Event::Delivered { sender, frame, time_ns } = event else { panic!("{event:?}") };
+            if sender > 0 {
+                adapter.take(0, &Received { frame, time_ns });
+                continue;
+            }
+            for (index, drive) in drives.iter_mut().enumerate() {
+                drive.receive(&frame, time_ns, &mut |answer| {
+                    if index > 0 || !*is_silent {
+                        bus.enqueue(index + 1, answer, time_ns + 50_000);
+                    }
+                });
+            }
+        }
+        for (drive, torque) in drives.iter_mut().zip(&mut self.torques) {
+            *torque = drive.step(self.shaft, 0.0, now_ns);
+        }
+    }
+
+    fn phases(&self) -> Vec<Phase> {
+        self.adapter.links().iter().map(Link::phase).collect()
+    }
+}
+
+#[test]
+fn drives_of_every_protocol_are_enabled_where_they_stand_and_no_answer_is_missing() {
+    for case in all() {
+        let rig = Rig::healthy(&case);
+        for link in rig.adapter.links() {
+            let (protocol, counts) = (case.protocol, link.counts());
+            assert!((link.state().0 - SHAFT).abs() < 1.6e-3, "{protocol}: {}", link.state().0);
+            assert_eq!(
+                (counts.missing, counts.late, counts.refused, counts.lost),
+                (0, 0, 0, 0),
+                "{protocol}"
+            );
+        }
+        assert!(!rig.adapter.has_tripped() && rig.adapter.stray() == 0, "{}", case.protocol);
+        assert!(rig.torques.iter().all(|torque| torque.abs() < 0.4), "{}: {:?}", case.protocol, rig.torques);
+    }
+}
+
+#[test]
+fn commands_turn_the_shafts_towards_their_goals() {
+    for case in all() {
+        let mut rig = Rig::healthy(&case);
+        let goal = |position: f64| Setpoint { position, kp: 4.0, kd: 0.1, ..Setpoint::default() };
+        rig.adapter.set(0, goal(SHAFT + 0.02));
+        rig.adapter.set(1, goal(SHAFT - 0.02));
+        rig.run(20);
+        let [forwards, backwards] = rig.torques;
+        assert!(forwards > 0.05 && backwards < -0.05, "{}: {:?}", case.protocol, rig.torques);
+        // gains of the command where they reach the drive: 4 N m/rad over 20 mrad
+        if case.more.contains("torque\"") || matches!(case.protocol, "damiao" | "moteus") {
+            assert!((forwards - 0.08).abs() < 0.01, "{}: {forwards}", case.protocol);
+        }
+    }
+}
+
+#[test]
+fn a_silent_drive_of_any_protocol_is_lost_three_cycles_after_its_answers_are_due() {
+    for case in all() {
+        let mut rig = Rig::healthy(&case);
+        rig.is_silent = true;
+        // reports that come by themselves are overdue a cycle later
+        rig.run(5);
+        let counts = rig.adapter.links()[0].counts();
+        assert!(rig.adapter.has_tripped(), "{}: {counts:?}", case.protocol);
+        assert_eq!(counts.lost, 1, "{}", case.protocol);
+        assert_eq!(rig.adapter.links()[1].counts().missing, 0, "{}", case.protocol);
+    }
+}
+
+#[test]
+fn drives_that_are_enabled_again_begin_where_they_have_been_moved_to() {
+    for case in all() {
+        let mut rig = Rig::healthy(&case);
+        // without power, at another place
+        rig.drives.iter_mut().for_each(AnySimulatedDrive::cut_power);
+        rig.is_silent = true;
+        rig.run(5);
+        (rig.is_silent, rig.shaft) = (false, -1.0);
+        // an ODrive tells its state each tenth of a second
+        rig.run(150_000_000 / rig.cycle_ns);
+        rig.adapter.resume();
+        let cycles = 400;
+        for cycle in 0..cycles {
+            rig.run(1);
+            let pulls = rig.torques.iter().any(|torque| torque.abs() > 0.4);
+            assert!(!pulls, "{}, cycle {cycle}: {:?}", case.protocol, rig.torques);
+        }
+        assert_eq!(rig.phases(), [Phase::Enabled; 2], "{}", case.protocol);
+    }
+}
+
+#[test]
+fn a_drive_whose_power_was_cut_trips_the_adapter_and_follows_again_once_it_is_resumed() {
+    for case in all() {
+        let mut rig = Rig::healthy(&case);
+        rig.drives[0].cut_power();
+        rig.is_silent = true;
+        rig.run(5);
+        rig.is_silent = false;
+        // an ODrive tells its state each tenth of a second
+        rig.run(150_000_000 / rig.cycle_ns);
+        assert!(rig.adapter.has_tripped(), "{}", case.protocol);
+        // a moteus follows any command, and is damped
+        assert!(!rig.drives[0].is_enabled() || case.protocol == "moteus", "{}", case.protocol);
+        rig.adapter.resume();
+        rig.run(400);
+        assert_eq!(rig.phases(), [Phase::Enabled; 2], "{}", case.protocol);
+        assert!(!rig.adapter.has_tripped(), "{}", case.protocol);
+    }
+}
+
+#[test]
+fn drives_let_go_by_their_watchdog_once_nobody_commands_them_and_are_found_so() {
+    for case in &CASES {
+        let mut rig = Rig::healthy(case);
+        let killed_ns = rig.cycle * rig.cycle_ns;
+        // the last command may have come a cycle before
+        let safe_ns = killed_ns - rig.cycle_ns + WATCHDOG_NS - STEP_NS;
+        for now_ns in (killed_ns..safe_ns).step_by(STEP_NS as usize) {
+            rig.step(now_ns);
+        }
+        assert!(rig.drives.iter().all(AnySimulatedDrive::is_enabled), "{}: before its time", case.protocol);
+        for now_ns in (safe_ns..killed_ns + WATCHDOG_NS + STEP_NS).step_by(STEP_NS as usize) {
+            rig.step(now_ns);
+        }
+        assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled), "{}", case.protocol);
+        assert!(rig.drives.iter().all(|drive| drive.watchdog_trips() == 1), "{}", case.protocol);
+        // the adapter comes back, and finds it out
+        rig.cycle = 2 + (killed_ns + WATCHDOG_NS + STEP_NS) / rig.cycle_ns;
+        rig.run(150_000_000 / rig.cycle_ns);
+        assert!(
+            rig.adapter.has_tripped() && !rig.drives.iter().any(AnySimulatedDrive::is_enabled),
+            "{}",
+            case.protocol
+        );
+        let fault = rig.adapter.links()[0].fault();
+        assert_eq!(fault, Some(mit::Fault::CommunicationLost), "{}", case.protocol);
+        rig.adapter.resume();
+        rig.run(400);
+        assert_eq!(rig.phases(), [Phase::Enabled; 2], "{}", case.protocol);
+    }
+}
+
+#[test]
+fn a_canopen_drive_that_keeps_another_watchdog_or_rated_torque_is_not_enabled() {
+    let no_watchdog = Overrides { watchdog_ns: Some(0), ..Overrides::default() };
+    let stronger = Overrides { torque: Some(7.5), ..Overrides::default() };
+    for overrides in [no_watchdog, stronger] {
+        let mut rig = Rig::new(&CASES[3], overrides);
+        rig.run(200);
+        assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled));
+        let expected = match overrides.torque {
+            Some(found) => WrongSetting::RatedTorque { found, expected: 5.0 },
+            None => WrongSetting::Watchdog { found: None, expected: WATCHDOG_NS },
+        };
+        assert_eq!(rig.adapter.wrong_setting(), Some((0, expected)));
+    }
+}

@@ -1,0 +1,201 @@
+//! The `randomise` table of the physics kinds.
+
+use std::collections::BTreeMap;
+
+use motorium::declare::ConfigError;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Lowest and highest value of a quantity, drawn evenly between them.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct Interval(pub [f64; 2]);
+
+/// Ranges of physical properties, drawn anew at the start of every episode from its seed.
+///
+/// Masses, damping, friction and efforts are drawn as factors of the values that the robot and the world have, restitution as
+/// itself, starts as displacements. Each body, joint and object has a draw of its own.
+///
+/// ```toml
+/// mass     = [0.9, 1.1]
+/// friction = [0.6, 1.2]
+/// start    = [-0.05, 0.05]
+/// ground   = { friction = [0.5, 1.0], restitution = [0.0, 0.2] }
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RandomiseConfig {
+    /// Factor of the acceleration of free fall, from 0 to 100.
+    pub gravity: Option<Interval>,
+    /// Factor of the mass and the inertia of each body of the robot, above 0 to 100.
+    pub mass: Option<Interval>,
+    /// Factor of the friction of the robot's surface, one for all of it, from 0 to 100.
+    pub friction: Option<Interval>,
+    /// Restitution of the robot's surface, from 0 to 1.
+    pub restitution: Option<Interval>,
+    /// Factor of the viscous damping of each joint, from 0 to 100.
+    pub damping: Option<Interval>,
+    /// Factor of the Coulomb friction of each joint, from 0 to 100.
+    pub joint_friction: Option<Interval>,
+    /// Factor of the largest effort of each joint, from 0 to 100.
+    pub effort_limit: Option<Interval>,
+    /// Displacement of the start of each joint, rad or m; the start stays within the joint's limits.
+    pub start: Option<Interval>,
+    /// Displacement of the start of a floating base.
+    pub base: PlaceIntervals,
+    /// The ground or the terrain.
+    pub ground: SurfaceIntervals,
+    /// Objects of the world, by their names.
+    pub objects: BTreeMap<String, ObjectIntervals>,
+    /// Of several robots, by their names: ranges in place of those above.
+    pub robots: BTreeMap<String, RobotIntervals>,
+}
+
+/// Ranges of the properties of one of several robots, in place of those that all have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct RobotIntervals {
+    /// Factor of the mass and the inertia of each body.
+    pub mass: Option<Interval>,
+    /// Factor of the friction of its surface.
+    pub friction: Option<Interval>,
+    /// Restitution of its surface.
+    pub restitution: Option<Interval>,
+    /// Factor of the viscous damping of each joint.
+    pub damping: Option<Interval>,
+    /// Factor of the Coulomb friction of each joint.
+    pub joint_friction: Option<Interval>,
+    /// Factor of the largest effort of each joint.
+    pub effort_limit: Option<Interval>,
+    /// Displacement of the start of each joint, rad or m.
+    pub start: Option<Interval>,
+}
+
+/// Ranges of a displacement in the world.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlaceIntervals {
+    /// Along x of the world, m.
+    pub x: Option<Interval>,
+    /// Along y of the world, m.
+    pub y: Option<Interval>,
+    /// Along z of the world, m. Of a base without a given place: its height above the ground.
+    pub z: Option<Interval>,
+    /// Turn about z of the world, rad.
+    pub yaw: Option<Interval>,
+}
+
+/// Ranges of the properties of a surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SurfaceIntervals {
+    /// Factor of the friction, from 0 to 100.
+    pub friction: Option<Interval>,
+    /// Restitution, from 0 to 1.
+    pub restitution: Option<Interval>,
+}
+
+/// Ranges of the properties of an object.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ObjectIntervals {
+    /// Factor of the mass and the inertia, above 0 to 100.
+    pub mass: Option<Interval>,
+    /// Factor of the friction, from 0 to 100.
+    pub friction: Option<Interval>,
+    /// Restitution, from 0 to 1.
+    pub restitution: Option<Interval>,
+    /// Displacement of the start along x of the world, m.
+    pub x: Option<Interval>,
+    /// Displacement of the start along y of the world, m.
+    pub y: Option<Interval>,
+    /// Displacement of the start along z of the world, m.
+    pub z: Option<Interval>,
+    /// Turn of the start about z of the world, rad.
+    pub yaw: Option<Interval>,
+}
+
+/// The numbers that a quantity may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Allowed {
+    /// A factor above 0.
+    Positive,
+    /// A factor from 0 up.
+    Factor,
+    /// From 0 to 1.
+    Share,
+    /// A displacement.
+    Displacement,
+}
+
+impl Allowed {
+    fn range(self) -> (f64, f64, &'static str) {
+        match self {
+            Self::Positive => (1e-3, 100.0, "factors from 0.001 to 100"),
+            Self::Factor => (0.0, 100.0, "factors from 0 to 100"),
+            Self::Share => (0.0, 1.0, "numbers from 0 to 1"),
+            Self::Displacement => (-1000.0, 1000.0, "numbers from -1000 to 1000"),
+        }
+    }
+}
+
+impl Interval {
+    /// Checks it against what is allowed. `key` is dotted, without `randomise`.
+    pub(super) fn check(self, key: &str, allowed: Allowed) -> Result<(), ConfigError> {
+        let Self([low, high]) = self;
+        let key = format!("randomise.{key}");
+        let (least, most, expected) = allowed.range();
+        // Written so that NaN is refused.
+        if !((least..=most).contains(&low) && (least..=most).contains(&high)) {
+            return Err(ConfigError::key(key, format!("[{low}, {high}], expected {expected}")));
+        }
+        if low > high {
+            return Err(ConfigError::key(key, format!("[{low}, {high}], but the lowest value stands first"))
+                .advise(format!("write [{high}, {low}]")));
+        }
+        Ok(())
+    }
+
+    /// The value at a share from 0 to 1 of the way.
+    pub(super) fn at(self, share: f64) -> f64 {
+        let Self([low, high]) = self;
+        (low + (high - low) * share).clamp(low, high)
+    }
+}
+
+impl RandomiseConfig {
+    /// True if nothing is drawn.
+    pub(crate) fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// The ranges of a robot, with the key that they stand below.
+    pub(super) fn of_robot(&self, name: Option<&str>) -> RobotIntervals {
+        let own = name.and_then(|name| self.robots.get(name)).copied().unwrap_or_default();
+        RobotIntervals {
+            mass: own.mass.or(self.mass),
+            friction: own.friction.or(self.friction),
+            restitution: own.restitution.or(self.restitution),
+            damping: own.damping.or(self.damping),
+            joint_friction: own.joint_friction.or(self.joint_friction),
+            effort_limit: own.effort_limit.or(self.effort_limit),
+            start: own.start.or(self.start),
+        }
+    }
+
+    /// The key of a range of a robot.
+    pub(super) fn key_of_robot(&self, name: Option<&str>, key: &str) -> String {
+        let own = name.and_then(|name| Some((name, self.robots.get(name)?)));
+        let Some((name, own)) = own else { return key.to_owned() };
+        let there = match key {
+            "mass" => own.mass,
+            "friction" => own.friction,
+            "restitution" => own.restitution,
+            "damping" => own.damping,
+            "joint_friction" => own.joint_friction,
+            "effort_limit" => own.effort_limit,
+            _ => own.start,
+        };
+        if there.is_some() { format!("robots.{name}.{key}") } else { key.to_owned() }
+    }
+}

@@ -1,0 +1,315 @@
+//! The quantities that are drawn: which there are, and what each changes.
+
+use motorium::declare::ConfigError;
+use motorium::state::{MAX_DRAWN, Randomisation as Message};
+use motorium_robots::{BodyFactors, Model};
+
+use super::super::build::BuiltRobot;
+use super::config::{Allowed, Interval, RandomiseConfig};
+use crate::{Properties, Surface};
+
+/// One quantity that is drawn.
+#[derive(Clone, Debug)]
+pub(super) struct Quantity {
+    /// Its property and part, as the message has them.
+    pub(super) property: u32,
+    pub(super) part: u32,
+    /// Its place in the report, such as `mass`, `link`.
+    pub(super) path: Vec<String>,
+    pub(super) interval: Interval,
+    /// The robot that it belongs to; `None` for the world.
+    pub(super) robot: Option<usize>,
+}
+
+/// The part of the simulation's model that one robot is.
+#[derive(Clone, Debug)]
+pub(super) struct Share {
+    /// Its first body.
+    bodies: usize,
+    /// Its first joint.
+    joints: usize,
+    /// Prefix of the names of its links.
+    prefix: String,
+}
+
+/// Nominal properties and start of an episode, and what draws make of them.
+pub(super) struct Scene<'a> {
+    pub(super) nominal: &'a Properties,
+    pub(super) shares: &'a [Share],
+    /// Start of the configuration (nq).
+    pub(super) q: &'a [f64],
+}
+
+/// The start of an episode.
+pub(super) struct Start {
+    pub(super) properties: Properties,
+    pub(super) q: Vec<f64>,
+    /// Displacement of the base upwards \[m\].
+    pub(super) lift: f64,
+    /// The posture or the place of the base differs from the nominal one.
+    pub(super) moved: bool,
+}
+
+/// The part that each robot has in the model of all.
+pub(super) fn shares(robots: &[BuiltRobot]) -> Vec<Share> {
+    let (mut body, mut joint) = (0, 0);
+    let mut share = |robot: &BuiltRobot| {
+        let model = &robot.loaded.model;
+        let share = Share {
+            bodies: body,
+            joints: joint,
+            prefix: robot.name.as_ref().map(|name| format!("{name}/")).unwrap_or_default(),
+        };
+        (body, joint) = (body + model.bodies().len(), joint + model.joint_count());
+        share
+    };
+    robots.iter().map(&mut share).collect()
+}
+
+/// Checks the ranges and lists all quantities, in the order of the message.
+pub(super) fn quantities(
+    config: &RandomiseConfig,
+    robots: &[BuiltRobot],
+    nominal: &Properties,
+) -> Result<Vec<Quantity>, ConfigError> {
+    let mut list = List(Vec::new());
+    list.add((Message::GRAVITY, 0), &["gravity"], (config.gravity, Allowed::Factor), None)?;
+    of_ground(config, nominal, &mut list)?;
+    of_objects(config, nominal, &mut list)?;
+    let names: Vec<&str> = robots.iter().filter_map(|robot| robot.name.as_deref()).collect();
+    if let Some(name) = config.robots.keys().find(|name| !names.contains(&name.as_str())) {
+        let message = format!("`{name}` is not one of several robots of this component");
+        return Err(ConfigError::key(format!("randomise.robots.{name}"), message));
+    }
+    for (index, robot) in robots.iter().enumerate() {
+        of_robot(config, (index, robot), &mut list)?;
+        let world = list.0.iter().filter(|quantity| quantity.robot.is_none()).count();
+        let own = list.0.iter().filter(|quantity| quantity.robot == Some(index)).count();
+        if world + own > MAX_DRAWN {
+            let message =
+                format!("{} numbers are drawn, at most {MAX_DRAWN} fit into a message", world + own);
+            return Err(ConfigError::key("randomise", message).advise("draw fewer properties"));
+        }
+    }
+    Ok(list.0)
+}
+
+struct List(Vec<Quantity>);
+
+impl List {
+    /// Adds a quantity if it has a range. `path` is its key.
+    fn add(
+        &mut self,
+        (property, part): (u32, u32),
+        path: &[&str],
+        (interval, allowed): (Option<Interval>, Allowed),
+        robot: Option<usize>,
+    ) -> Result<(), ConfigError> {
+        let Some(interval) = interval else { return Ok(()) };
+        interval.check(&path.join("."), allowed)?;
+        let path = path.iter().map(|part| (*part).to_owned()).collect();
+        self.0.push(Quantity { property, part, path, interval, robot });
+        Ok(())
+    }
+}
+
+fn of_ground(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -> Result<(), ConfigError> {
+    let ground = &config.ground;
+    let there = nominal.world.ground.is_some() || nominal.world.terrain.is_some();
+    if !there && (ground.friction.is_some() || ground.restitution.is_some()) {
+        return Err(ConfigError::key("randomise.ground", "the world has no ground and no terrain")
+            .advise("add `ground = {}` to the world"));
+    }
+    let friction = (ground.friction, Allowed::Factor);
+    list.add((Message::GROUND_FRICTION, 0), &["ground", "friction"], friction, None)?;
+    let restitution = (ground.restitution, Allowed::Share);
+    list.add((Message::GROUND_RESTITUTION, 0), &["ground", "restitution"], restitution, None)
+}
+
+fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -> Result<(), ConfigError> {
+    for (name, ranges) in &config.objects {
+        let objects = &nominal.world.objects;
+        let key = format!("randomise.objects.{name}");
+        let Some(index) = objects.iter().position(|object| object.name == *name) else {
+            let names: Vec<_> = objects.iter().map(|object| object.name.as_str()).collect();
+            let message = format!("the world has no object `{name}`");
+            return Err(ConfigError::key(key, message).advise(format!("it has: {}", names.join(", "))));
+        };
+        let places = [ranges.x, ranges.y, ranges.z, ranges.yaw];
+        if !objects[index].is_dynamic() && (ranges.mass.is_some() || places.iter().any(Option::is_some)) {
+            let message = format!("`{name}` has no mass and stays where the graph has it");
+            return Err(
+                ConfigError::key(key, message).advise("draw its friction or restitution, or give it a mass")
+            );
+        }
+        for (property, own, interval, allowed) in [
+            (Message::OBJECT_MASS, "mass", ranges.mass, Allowed::Positive),
+            (Message::OBJECT_FRICTION, "friction", ranges.friction, Allowed::Factor),
+            (Message::OBJECT_RESTITUTION, "restitution", ranges.restitution, Allowed::Share),
+            (Message::OBJECT_X, "x", ranges.x, Allowed::Displacement),
+            (Message::OBJECT_Y, "y", ranges.y, Allowed::Displacement),
+            (Message::OBJECT_Z, "z", ranges.z, Allowed::Displacement),
+            (Message::OBJECT_YAW, "yaw", ranges.yaw, Allowed::Displacement),
+        ] {
+            list.add((property, index as u32), &["objects", name, own], (interval, allowed), None)?;
+        }
+    }
+    Ok(())
+}
+
+fn of_robot(
+    config: &RandomiseConfig,
+    (index, robot): (usize, &BuiltRobot),
+    list: &mut List,
+) -> Result<(), ConfigError> {
+    let (name, model) = (robot.name.as_deref(), &robot.loaded.model);
+    let ranges = config.of_robot(name);
+    let floating = model.base().floating;
+    let mut add = |property: u32, key: &str, parts: Vec<(u32, &str)>, interval: Option<Interval>, allowed| {
+        let Some(interval) = interval else { return Ok(()) };
+        let written = config.key_of_robot(name, key);
+        interval.check(&written, allowed)?;
+        if parts.is_empty() {
+            let message = format!("nothing to draw: no part of robot `{}` has it", model.name());
+            return Err(ConfigError::key(format!("randomise.{written}"), message).advise("leave it out"));
+        }
+        for (part, of) in parts {
+            let mut path: Vec<String> = name.map_or_else(Vec::new, |name| vec!["robots".into(), name.into()]);
+            path.push(key.to_owned());
+            if !of.is_empty() {
+                path.push(of.to_owned());
+            }
+            list.0.push(Quantity { property, part, path, interval, robot: Some(index) });
+        }
+        Ok(())
+    };
+    let bodies = model.bodies().iter().enumerate().filter(|(_, body)| body.inertia.mass > 0.0);
+    let base = floating.then(|| (Message::BASE, model.frames()[0].name.as_str()));
+    let bodies = base.into_iter().chain(bodies.map(|(index, body)| (index as u32, body.name.as_str())));
+    add(Message::BODY_MASS, "mass", bodies.collect(), ranges.mass, Allowed::Positive)?;
+    let whole = || vec![(0, "")];
+    add(Message::FRICTION, "friction", whole(), ranges.friction, Allowed::Factor)?;
+    add(Message::RESTITUTION, "restitution", whole(), ranges.restitution, Allowed::Share)?;
+    let joints = |has: &dyn Fn(usize) -> bool| -> Vec<(u32, &str)> {
+        let names = model.joint_names().iter().enumerate().filter(|(joint, _)| has(*joint));
+        names.map(|(joint, name)| (joint as u32, name.as_str())).collect()
+    };
+    let dynamics = |joint: usize| {
+        let moved = model.bodies().iter().filter(move |body| body.joint.coordinate.index() == joint);
+        moved.map(|body| body.joint.dynamics)
+    };
+    let damped = joints(&|joint| dynamics(joint).any(|dynamics| dynamics.damping > 0.0));
+    add(Message::DAMPING, "damping", damped, ranges.damping, Allowed::Factor)?;
+    let rubbing = joints(&|joint| dynamics(joint).any(|dynamics| dynamics.friction > 0.0));
+    add(Message::JOINT_FRICTION, "joint_friction", rubbing, ranges.joint_friction, Allowed::Factor)?;
+    let limited = joints(&|joint| model.effort_limit()[joint].is_finite());
+    add(Message::EFFORT_LIMIT, "effort_limit", limited, ranges.effort_limit, Allowed::Factor)?;
+    add(Message::START, "start", joints(&|_| true), ranges.start, Allowed::Displacement)?;
+    let place = &config.base;
+    for (property, key, interval) in [
+        (Message::BASE_X, "x", place.x),
+        (Message::BASE_Y, "y", place.y),
+        (Message::BASE_Z, "z", place.z),
+        (Message::BASE_YAW, "yaw", place.yaw),
+    ] {
+        let key = ["base", key];
+        if interval.is_some() && !floating {
+            let message = "a displacement of a base that is fixed to the world";
+            return Err(
+                ConfigError::key(format!("randomise.{}", key.join(".")), message).advise("leave it out")
+            );
+        }
+        list.add((property, 0), &key, (interval, Allowed::Displacement), Some(index))?;
+    }
+    Ok(())
+}
+
+impl Scene<'_> {
+    /// The start of an episode with `values`, one for each quantity.
+    pub(super) fn varied(&self, quantities: &[Quantity], values: &[f64]) -> Start {
+        let (model, mut world) = (&self.nominal.model, self.nominal.world.clone());
+        let mut surfaces = self.nominal.surfaces.clone();
+        let (mut base, mut factors) = (1.0, vec![BodyFactors::default(); model.bodies().len()]);
+        let (mut q, mut lift, mut moved) = (self.q.to_vec(), 0.0, false);
+        for (quantity, &value) in quantities.iter().zip(values) {
+            let part = quantity.part as usize;
+            let share = quantity.robot.map(|robot| &self.shares[robot]);
+            let joint = share.map_or(0, |share| share.joints) + part;
+            match quantity.property {
+                Message::GRAVITY => world.gravity.iter_mut().for_each(|g| *g *= value),
+                Message::BODY_MASS if quantity.part == Message::BASE => base = value,
+                Message::BODY_MASS => factors[share.map_or(0, |share| share.bodies) + part].mass = value,
+                Message::DAMPING => {
+                    of_joint(model, joint).for_each(|body| factors[body].damping = value);
+                }
+                Message::JOINT_FRICTION => {
+                    of_joint(model, joint).for_each(|body| factors[body].friction = value);
+                }
+                Message::EFFORT_LIMIT => factors[model.joint_body(joint)].effort_limit = value,
+                Message::START => {
+                    let (lower, upper) = (model.lower()[joint], model.upper()[joint]);
+                    let at = q.len() - model.joint_count() + joint;
+                    q[at] = (q[at] + value).clamp(lower.min(q[at]), upper.max(q[at]));
+                    moved = true;
+                }
+                Message::BASE_X | Message::BASE_Y => {
+                    q[(quantity.property - Message::BASE_X) as usize] += value;
+                    moved = true;
+                }
+                Message::BASE_Z => lift = value,
+                Message::BASE_YAW => {
+                    turn(&mut q[3..7], value);
+                    moved = true;
+                }
+                Message::OBJECT_MASS => {
+                    let mass = &mut world.objects[part].mass;
+                    *mass = mass.map(|mass| mass * value);
+                }
+                Message::OBJECT_X | Message::OBJECT_Y | Message::OBJECT_Z => {
+                    world.objects[part].position[(quantity.property - Message::OBJECT_X) as usize] += value;
+                }
+                Message::OBJECT_YAW => world.objects[part].rpy[2] += value,
+                _ => self.set_surfaces(&mut surfaces, quantity, value),
+            }
+        }
+        let model = model.with_factors(base, &factors);
+        Start { properties: Properties { model, world, surfaces }, q, lift, moved }
+    }
+
+    /// Sets the friction or the restitution of the surfaces that a quantity is about.
+    fn set_surfaces(&self, surfaces: &mut [Surface], quantity: &Quantity, value: f64) {
+        let world = &self.nominal.world;
+        let is_object = |name: &str| world.objects.iter().any(|object| object.name == name);
+        let of_world = |name: &str| name == "ground" || name == "terrain";
+        let own = |name: &str| match (quantity.property, quantity.robot) {
+            (Message::GROUND_FRICTION | Message::GROUND_RESTITUTION, _) => of_world(name),
+            (_, None) => name == world.objects[quantity.part as usize].name,
+            (_, Some(robot)) => {
+                !is_object(name) && !of_world(name) && name.starts_with(&self.shares[robot].prefix)
+            }
+        };
+        let friction = [Message::GROUND_FRICTION, Message::OBJECT_FRICTION, Message::FRICTION]
+            .contains(&quantity.property);
+        for surface in surfaces.iter_mut().filter(|surface| own(&surface.name)) {
+            if friction {
+                surface.friction *= value;
+            } else {
+                surface.restitution = value;
+            }
+        }
+    }
+}
+
+/// The bodies that an independent joint moves, itself or by a joint that follows it.
+fn of_joint(model: &Model, joint: usize) -> impl Iterator<Item = usize> {
+    let bodies = model.bodies().iter().enumerate();
+    bodies.filter(move |(_, body)| body.joint.coordinate.index() == joint).map(|(index, _)| index)
+}
+
+/// Turns an orientation x y z w about z of the world.
+fn turn(orientation: &mut [f64], angle: f64) {
+    let [x, y, z, w] = [orientation[0], orientation[1], orientation[2], orientation[3]];
+    let (sin, cos) = (0.5 * angle).sin_cos();
+    let turned = [cos * x - sin * y, cos * y + sin * x, cos * z + sin * w, cos * w - sin * z];
+    orientation.copy_from_slice(&turned);
+}

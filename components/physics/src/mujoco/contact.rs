@@ -1,0 +1,90 @@
+//! The law of MuJoCo's contacts for surfaces that keep a share of their speed.
+//!
+//! A contact of MuJoCo is a spring with a damper that never pulls. A body that meets it with speed v leaves with e v, where e
+//! depends on the damping ratio alone: the closed form is that of a linear spring and damper until its force is zero.
+
+/// Fastest time constant of a contact \[s\]; MuJoCo takes no less than two integration steps.
+const TIME_CONSTANT: f64 = 0.002;
+
+/// Damping ratio of a surface without restitution.
+const DAMPED: f64 = 3.0;
+
+/// Impedance of a contact: the share of the force that a rigid surface would have, at the surface and a millimetre below.
+pub(super) const IMPEDANCE: &str = "0.99 0.999 0.001";
+
+/// MuJoCo's `solref` for a restitution from 0 to 1: time constant \[s\] and damping ratio.
+pub(super) fn reference(restitution: f64) -> [f64; 2] {
+    let ratio = damping_ratio(restitution);
+    [TIME_CONSTANT / ratio.min(1.0), ratio]
+}
+
+/// The damping ratio with which a body leaves with this share of its speed.
+fn damping_ratio(restitution: f64) -> f64 {
+    let (mut low, mut high) = (1e-4, DAMPED);
+    if rebound(high) >= restitution {
+        return high;
+    }
+    // It falls with the ratio: halve the interval down to rounding.
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if rebound(middle) > restitution {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// Share of its speed with which a body leaves a spring of frequency 1 and this damping ratio, once the force is zero.
+fn rebound(ratio: f64) -> f64 {
+    let z = ratio;
+    if z < 1.0 {
+        let omega = (1.0 - z * z).sqrt();
+        // Time from touch to the zero of the force.
+        let time = (2.0 * z * omega).atan2(2.0 * z * z - 1.0) / omega;
+        (-z * time).exp()
+    } else if z > 1.0 {
+        let omega = (z * z - 1.0).sqrt();
+        let time = ((z + omega) / (z - omega)).ln() / omega;
+        (-z * time).exp()
+    } else {
+        (-2.0_f64).exp()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The same by integration: x'' = -2 z x' - x from x' = 1 until the force is zero.
+    fn integrated(z: f64) -> f64 {
+        let (mut x, mut v, h) = (0.0_f64, 1.0_f64, 1e-5);
+        loop {
+            let force = -2.0 * z * v - x;
+            if x > 0.0 && force >= 0.0 {
+                return -v;
+            }
+            v += h * force;
+            x += h * v;
+        }
+    }
+
+    #[test]
+    fn the_rebound_of_a_damped_spring_is_what_its_integration_says() {
+        for z in [0.05, 0.3, 0.7, 0.9, 1.0, 1.5, 3.0] {
+            let (closed, found) = (rebound(z), integrated(z));
+            assert!((closed - found).abs() < 1e-3, "{z}: {closed}, integrated {found}");
+        }
+    }
+
+    #[test]
+    fn the_damping_ratio_gives_the_restitution_back() {
+        for restitution in [0.1, 0.3, 0.5, 0.8, 0.95] {
+            assert!((rebound(damping_ratio(restitution)) - restitution).abs() < 1e-9);
+        }
+        assert_eq!(damping_ratio(0.0), DAMPED);
+        let [time, ratio] = reference(0.5);
+        assert!(time * ratio - TIME_CONSTANT < 1e-12 && ratio < 1.0);
+    }
+}

@@ -1,0 +1,393 @@
+//! The MuJoCo engine: the library of DeepMind's MuJoCo, loaded at run time.
+//!
+//! The library is that of the Python package `mujoco`: nothing of it is needed to build motorium, and no program that does not
+//! use this engine loads it. It is [found and checked](library) once in a process; the [layout](layout) of its structures is that of one
+//! version. [MJCF](mjcf) is written from our model and world, [native] keeps what the library makes of it, and [step] moves it.
+
+mod contact;
+mod layout;
+mod library;
+mod mjcf;
+mod native;
+mod step;
+
+use motorium_robots::{Coordinate, FrameId, Reference};
+use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
+
+use crate::articulated::{Drive, Laws};
+use crate::contact::Colliders;
+use crate::properties::Surface;
+use crate::rays::Rays;
+use crate::robot::{Robot, RobotSetup};
+use crate::simulation::{Engine, Simulation};
+use crate::{BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, StepError, StepReport, World};
+use library::Library;
+pub use library::LibraryError;
+use native::{Kind, Native, Parts};
+use step::pose_at;
+
+/// A robot with a fixed or floating base in a world, simulated by the [`Mujoco`] engine.
+///
+/// ```
+/// use motorium_physics::{Mujoco, MujocoSimulator, Options, Simulator, World};
+/// use motorium_robots::load;
+///
+/// if let Err(error) = Mujoco::find() {
+///     println!("not run: {error}");
+///     return Ok(());
+/// }
+/// let pendulum = load("pendulum", std::path::Path::new("."))?.model;
+/// let mut simulation = MujocoSimulator::new(pendulum, World::default(), &[0.4], Options::default())?;
+/// for _ in 0..100 {
+///     simulation.step(1e-3)?;
+/// }
+/// assert!(simulation.velocities()[0] < -0.1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub type MujocoSimulator = Simulation<Mujoco>;
+
+/// The MuJoCo engine, with the library of MuJoCo 3.17.0.
+///
+/// MuJoCo is found where `pip install mujoco==3.17.0` puts it, below the Python of `MOTORIUM_PYTHON`, of `VIRTUAL_ENV`, of every
+/// folder of `PATH` and of `~/.local`, or in `/usr/local/lib` and `/usr/lib`; `MOTORIUM_MUJOCO` names the library or its
+/// folder instead.
+///
+/// Semi-implicit Euler. Drives and damping are implicit in the mass matrix, so MuJoCo's solver of contacts, joint stops,
+/// joint friction and mimic joints (Newton, elliptic cones) takes them for the inertia that they are. Effort limits hold in every step:
+/// a step in which a drive turns out to exceed its own is solved again. Contacts are MuJoCo's soft ones, as stiff as a
+/// step of a millisecond allows; their friction is the mean of both surfaces', and their damping is chosen so that a
+/// body comes back with the mean restitution.
+///
+/// A terrain is MuJoCo's height field, which ends at the edge of its grid. Rays are cast by motorium itself, against the same
+/// shapes.
+pub struct Mujoco {
+    options: Options,
+    library: &'static Library,
+    world: World,
+    /// The model must be compiled anew at the next reset: its numbers have changed.
+    stale: bool,
+    colliders: Colliders,
+    rays: Rays,
+    native: Native,
+    places: Places,
+    /// Collider of each of MuJoCo's geometries.
+    geometries: Vec<usize>,
+    /// Inertia of drive and rotor on the joint of each body.
+    armatures: Vec<f64>,
+    laws: Vec<Laws>,
+    drives: Vec<Drive>,
+    seen: Seen,
+    seen_next: Seen,
+    /// Generalized force from outside during the next step (nv), as our model has them.
+    external: Vec<f64>,
+    generalized: Vec<f64>,
+    /// The same in MuJoCo's order.
+    forces: Vec<f64>,
+    jacobian: DMatrix<f64>,
+    /// MuJoCo's state before a step, and before a try of an integration step.
+    before: Vec<f64>,
+    motion: Vec<f64>,
+}
+
+/// Places of our coordinates in MuJoCo's vectors: of positions, and of velocities.
+struct Places {
+    base: Option<(usize, usize)>,
+    /// One per body of the model.
+    joints: Vec<(usize, usize)>,
+    coordinates: Vec<Coordinate>,
+    /// Body of each independent joint.
+    drives: Vec<usize>,
+    objects: Vec<ObjectPlace>,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum ObjectPlace {
+    /// It moves freely.
+    Free(usize, usize),
+    /// It stands where it is placed.
+    Placed(usize),
+}
+
+/// The contact points of a step.
+#[derive(Clone, Debug, Default)]
+struct Seen {
+    /// Something was within a centimetre of something else.
+    near: bool,
+    touches: Vec<Touch>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Touch {
+    colliders: [usize; 2],
+    point: Point3<f64>,
+    normal: Vector3<f64>,
+    depth: f64,
+    force: f64,
+    friction: Vector3<f64>,
+}
+
+/// Room for contact points that are noted without a call of the allocator.
+const TOUCHES: usize = 512;
+
+/// Share of what the constraints of a joint would yield: MuJoCo's friction, stops and couplings of joints are soft, ours are not.
+const YIELD: f64 = 1e-4;
+
+/// The state of a [`Mujoco`] engine that later steps depend on.
+pub struct MujocoState {
+    numbers: Vec<f64>,
+    objects: usize,
+    drives: Vec<Drive>,
+    seen: Seen,
+    external: Vec<f64>,
+}
+
+impl Mujoco {
+    /// Looks for MuJoCo's library, and loads it.
+    ///
+    /// # Errors
+    ///
+    /// [`LibraryError`], with what to install.
+    pub fn find() -> Result<(), LibraryError> {
+        Library::get().map(|_| ())
+    }
+
+    /// Writes the model and has MuJoCo compile it.
+    fn compile(
+        library: &'static Library,
+        robot: &Robot,
+        world: &World,
+        colliders: &Colliders,
+    ) -> Result<(Native, Places, Vec<usize>), BuildError> {
+        let mut native = Native::compile(library, &mjcf::write(robot, world, colliders))
+            .map_err(|reason| BuildError::Refused { reason })?;
+        let lost = |what: String| BuildError::Refused { reason: format!("{what} is lost on the way") };
+        let joint = |native: &Native, name: String| {
+            native.id(Kind::Joint, &name).map(|id| native.joint_places(id)).ok_or_else(|| lost(name))
+        };
+        let model = &robot.model;
+        let mut places = Places {
+            base: if model.base().floating { Some(joint(&native, "base".to_owned())?) } else { None },
+            joints: Vec::new(),
+            coordinates: model.bodies().iter().map(|body| body.joint.coordinate).collect(),
+            drives: (0..model.joint_count()).map(|index| model.joint_body(index)).collect(),
+            objects: Vec::new(),
+        };
+        for index in 0..model.bodies().len() {
+            let (place, dof) = joint(&native, format!("j{index}"))?;
+            // The structures lie where they are thought to: what has been written into the model is found there.
+            if native.timestep() != mjcf::TIMESTEP || native.armature(dof) != mjcf::armature(robot, index) {
+                return Err(lost(format!("armature of j{index}")));
+            }
+            native.harden(dof, YIELD);
+            places.joints.push((place, dof));
+        }
+        for (index, object) in world.objects.iter().enumerate() {
+            let name = format!("o{index}");
+            places.objects.push(if object.is_dynamic() {
+                let (place, dof) = joint(&native, name)?;
+                ObjectPlace::Free(place, dof)
+            } else {
+                let mocap = native.id(Kind::Body, &name).and_then(|body| native.mocap_of(body));
+                ObjectPlace::Placed(mocap.ok_or_else(|| lost(name))?)
+            });
+        }
+        let mut geometries = Vec::new();
+        for index in 0..colliders.colliders.len() {
+            if let Some(id) = native.id(Kind::Geometry, &format!("c{index}")) {
+                geometries.resize(geometries.len().max(id + 1), 0);
+                geometries[id] = index;
+            }
+        }
+        Ok((native, places, geometries))
+    }
+}
+
+impl Engine for Mujoco {
+    type State = MujocoState;
+
+    const CAPABILITIES: Capabilities = Capabilities { floating_bases: true, allocation_free: true };
+
+    fn build(
+        setup: &RobotSetup,
+        robot: &Robot,
+        world: &World,
+        options: &Options,
+        warnings: &mut Vec<BuildWarning>,
+    ) -> Result<Self, BuildError> {
+        if setup.actuators.iter().any(Option::is_some) {
+            return Err(BuildError::IdealDrives);
+        }
+        let library = Library::get()?;
+        let colliders = Colliders::new(setup, world, options, warnings);
+        for collider in colliders.colliders.iter().filter(|collider| !mjcf::is_usable(&collider.shape)) {
+            let reason = "its mesh has no volume, which MuJoCo needs".to_owned();
+            warnings.push(BuildWarning::ShapeIgnored { link: collider.name.clone(), reason });
+        }
+        let (native, places, geometries) = Self::compile(library, robot, world, &colliders)?;
+        let seen = || Seen { near: true, touches: Vec::with_capacity(TOUCHES) };
+        let nv = robot.model.nv();
+        Ok(Self {
+            rays: Rays::new(&colliders),
+            armatures: (0..robot.model.bodies().len()).map(|body| mjcf::armature(robot, body)).collect(),
+            laws: vec![Laws::FREE; robot.joints.len()],
+            drives: vec![Drive::Linear; robot.joints.len()],
+            seen: seen(),
+            seen_next: seen(),
+            external: vec![0.0; nv],
+            generalized: vec![0.0; nv],
+            forces: vec![0.0; native.qvel().len()],
+            jacobian: DMatrix::zeros(6, nv),
+            before: vec![0.0; native.state_size(Parts::INTEGRATION)],
+            motion: vec![0.0; native.state_size(Parts::MOTION)],
+            options: *options,
+            library,
+            world: world.clone(),
+            stale: false,
+            colliders,
+            native,
+            places,
+            geometries,
+        })
+    }
+
+    fn surfaces(&self) -> Vec<Surface> {
+        self.colliders.surfaces()
+    }
+
+    fn set_properties(&mut self, _: &Robot, surfaces: &[Surface]) {
+        self.colliders.set_surfaces(surfaces);
+        self.stale = true;
+    }
+
+    fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {
+        robot.kinematics.jacobian(&robot.model, link, Reference::LocalWorldAligned, &mut self.jacobian);
+        let [force, torque] = wrench;
+        let arm = robot.kinematics.pose(&robot.model, link).rotation * point.coords;
+        let torque = torque + arm.cross(&force);
+        for (external, column) in self.external.iter_mut().zip(self.jacobian.column_iter()) {
+            *external += column.fixed_rows::<3>(0).dot(&force) + column.fixed_rows::<3>(3).dot(&torque);
+        }
+    }
+
+    fn reset(&mut self, robot: &Robot, world: &World) {
+        if core::mem::take(&mut self.stale) {
+            self.world = world.clone();
+            (self.native, self.places, self.geometries) =
+                Self::compile(self.library, robot, world, &self.colliders)
+                    .expect("it was compiled with other inertias and surfaces");
+            self.armatures =
+                (0..robot.model.bodies().len()).map(|body| mjcf::armature(robot, body)).collect();
+        }
+        self.native.reset();
+        self.drives.fill(Drive::Linear);
+        self.external.fill(0.0);
+        self.seen.touches.clear();
+        self.seen.near = true;
+    }
+
+    fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
+        if self.colliders.exclude_close(&robot.kinematics, warnings) {
+            (self.native, self.places, self.geometries) =
+                Self::compile(self.library, robot, &self.world, &self.colliders)
+                    .expect("it was compiled with more pairs");
+        }
+    }
+
+    fn advance(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
+        self.advance_by(robot, dt)
+    }
+
+    fn commit(&mut self, _: &Robot, _: f64) {
+        self.external.fill(0.0);
+        core::mem::swap(&mut self.seen, &mut self.seen_next);
+    }
+
+    fn discard(&mut self) {
+        self.external.fill(0.0);
+        self.native.set_state(Parts::INTEGRATION, &self.before);
+    }
+
+    fn save(&self) -> MujocoState {
+        let mut numbers = vec![0.0; self.before.len()];
+        self.native.get_state(Parts::INTEGRATION, &mut numbers);
+        MujocoState {
+            numbers,
+            objects: self.places.objects.len(),
+            drives: self.drives.clone(),
+            seen: self.seen.clone(),
+            external: self.external.clone(),
+        }
+    }
+
+    fn restore(&mut self, _: &Robot, state: &MujocoState) -> bool {
+        if state.numbers.len() != self.before.len() || state.objects != self.places.objects.len() {
+            return false;
+        }
+        self.native.set_state(Parts::INTEGRATION, &state.numbers);
+        self.drives.copy_from_slice(&state.drives);
+        self.seen.clone_from(&state.seen);
+        self.external.copy_from_slice(&state.external);
+        true
+    }
+
+    fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>> {
+        let objects = self.places.objects.len();
+        self.rays.cast(&self.colliders, (robot, |index| self.object_pose(index)), ray, objects)
+    }
+
+    fn diverged_object(&self) -> Option<usize> {
+        let sound = |numbers: &[f64]| numbers.iter().all(|x| x.abs() < 1e9);
+        self.places.objects.iter().position(|place| match *place {
+            ObjectPlace::Free(place, dof) => {
+                let (qpos, qvel) = (self.native.qpos(), self.native.qvel());
+                !sound(&qpos[place..place + 7]) || !sound(&qvel[dof..dof + 6])
+            }
+            ObjectPlace::Placed(_) => false,
+        })
+    }
+
+    fn object_pose(&self, index: usize) -> Isometry3<f64> {
+        let (position, rotation) = match self.places.objects[index] {
+            ObjectPlace::Free(place, _) => pose_at(&self.native.qpos()[place..place + 7]),
+            ObjectPlace::Placed(mocap) => {
+                let ([x, y, z], [w, i, j, k]) = self.native.mocap(mocap);
+                pose_at(&[x, y, z, w, i, j, k])
+            }
+        };
+        Isometry3::from_parts(position.into(), rotation)
+    }
+
+    fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
+        let (p, r) = (pose.translation.vector, pose.rotation);
+        match self.places.objects[index] {
+            ObjectPlace::Free(place, dof) => {
+                self.native.qpos_mut()[place..place + 7]
+                    .copy_from_slice(&[p.x, p.y, p.z, r.w, r.i, r.j, r.k]);
+                self.native.qvel_mut()[dof..dof + 6].fill(0.0);
+            }
+            ObjectPlace::Placed(mocap) => self.native.set_mocap(mocap, p.into(), [r.w, r.i, r.j, r.k]),
+        }
+        // Whatever it comes close to is found out in the next step.
+        self.seen.near = true;
+    }
+
+    fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
+        match self.places.objects[index] {
+            ObjectPlace::Free(place, dof) => {
+                let (_, rotation) = pose_at(&self.native.qpos()[place..place + 7]);
+                let qvel = &self.native.qvel()[dof..dof + 6];
+                let angular = rotation * Vector3::from_column_slice(&qvel[3..]);
+                (Vector3::from_column_slice(&qvel[..3]), angular)
+            }
+            ObjectPlace::Placed(_) => (Vector3::zeros(), Vector3::zeros()),
+        }
+    }
+
+    fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {
+        for touch in &self.seen.touches {
+            let [first, second] = touch.colliders.map(|index| self.colliders.colliders[index].name.as_str());
+            let Touch { point, normal, depth, force, friction, .. } = *touch;
+            visit(&Contact { first, second, point, normal, depth, force, friction });
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Physical properties that may change from one reset to the next.
+
+use motorium_robots::{Model, World};
+
+use crate::joint::JointProperties;
+use crate::{Engine, ResetError, Simulation};
+
+/// The surface of one collider.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surface {
+    /// Robot link, object, `ground` or `terrain`. A link of several shapes has as many surfaces.
+    pub name: String,
+    /// Coefficient of friction. That of a contact is the mean of both surfaces'.
+    pub friction: f64,
+    /// Share of the approach speed kept after an impact. That of a contact is the mean of both surfaces'.
+    pub restitution: f64,
+}
+
+/// The physical properties of a simulation: all that may change between two resets without building it anew.
+///
+/// ```
+/// use std::path::Path;
+/// use motorium_physics::{ArticulatedSimulator, Options, Simulator, World};
+/// use motorium_robots::{BodyFactors, load};
+///
+/// let model = load("pendulum", Path::new("."))?.model;
+/// let mut simulation = ArticulatedSimulator::new(model, World::default(), &[0.4], Options::default())?;
+/// let nominal = simulation.properties();
+/// let speed = |simulation: &mut ArticulatedSimulator| {
+///     (0..100).try_for_each(|_| simulation.step(1e-3).map(drop)).map(|()| simulation.velocity()[0].abs())
+/// };
+/// let on_earth = speed(&mut simulation)?;
+///
+/// let mut moon = nominal.clone();
+/// moon.world.gravity = [0.0, 0.0, -1.62];
+/// simulation.reset_with(&moon, &[0.4], &[0.0])?;
+/// let on_the_moon = speed(&mut simulation)?;
+/// assert!(on_the_moon < 0.2 * on_earth);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Properties {
+    /// The robot: its inertias, joint dynamics and effort limits. Links, joints and shapes are those of the simulation.
+    pub model: Model,
+    /// The world: gravity, and mass and start of its objects. Which there are, their shapes, and the ground are those of
+    /// the simulation; the surfaces here play no part.
+    pub world: World,
+    /// The surfaces of all colliders: those of the robot, of the objects, of the ground or the terrain.
+    pub surfaces: Vec<Surface>,
+}
+
+impl<E: Engine> Simulation<E> {
+    /// The properties as they stand.
+    pub fn properties(&self) -> Properties {
+        Properties {
+            model: self.robot.model.clone(),
+            world: self.world.clone(),
+            surfaces: self.engine.surfaces(),
+        }
+    }
+
+    /// [`reset`](crate::Simulator::reset) with these properties, which stay until the next call. Nothing is built anew: the
+    /// shapes and pairs of the contact detection stay.
+    ///
+    /// A [saved state](crate::Simulator::save) holds gravity and the objects' masses, but not the robot's properties: restore it
+    /// under those under which it was saved.
+    ///
+    /// # Errors
+    ///
+    /// [`ResetError`], also for the properties of another robot or world; nothing has changed then.
+    pub fn reset_with(&mut self, properties: &Properties, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
+        let Properties { model, world, surfaces } = properties;
+        let fits = same_robot(&self.robot.model, model)
+            && same_world(&self.world, world)
+            && surfaces.len() == self.engine.surfaces().len();
+        if !fits {
+            return Err(ResetError::Properties);
+        }
+        // The terrain is that of the simulation: to compute its heights again would take long.
+        let level = World { terrain: None, ..world.clone() };
+        let links = model.frames().iter().map(|frame| frame.name.as_str());
+        level.check(links).map_err(ResetError::World)?;
+        let sound = |surface: &&Surface| {
+            surface.friction.is_finite()
+                && surface.friction >= 0.0
+                && (0.0..=1.0).contains(&surface.restitution)
+        };
+        if let Some(surface) = surfaces.iter().find(|surface| !sound(surface)) {
+            return Err(ResetError::Surface(surface.clone()));
+        }
+        ResetError::check(model, q, v)?;
+        let joints = JointProperties::of(model, self.options().armature);
+        self.robot.set_properties(model, joints, world.gravity.into());
+        self.world = world.clone();
+        self.engine.set_properties(&self.robot, surfaces);
+        crate::Simulator::reset(self, q, v)
+    }
+}
+
+/// True for two models of the same links and joints.
+fn same_robot(a: &Model, b: &Model) -> bool {
+    a.nq() == b.nq()
+        && a.bodies().len() == b.bodies().len()
+        && a.joint_names() == b.joint_names()
+        && a.frames().len() == b.frames().len()
+        && a.frames().iter().zip(b.frames()).all(|(a, b)| a.name == b.name && a.placement == b.placement)
+}
+
+/// True for two worlds of the same ground and the same objects, fixed ones where they are.
+fn same_world(a: &World, b: &World) -> bool {
+    let ground = a.ground.map(|ground| ground.height) == b.ground.map(|ground| ground.height);
+    ground
+        && a.terrain == b.terrain
+        && a.objects.len() == b.objects.len()
+        && a.objects
+            .iter()
+            .zip(&b.objects)
+            .all(|(a, b)| a.name == b.name && a.shape == b.shape && a.is_dynamic() == b.is_dynamic())
+}

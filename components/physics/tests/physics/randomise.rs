@@ -1,0 +1,290 @@
+//! Properties that change between resets, and those that are drawn for each episode.
+
+use std::path::{Path, PathBuf};
+
+use motorium::graph;
+use motorium::launcher::{Options, Report};
+use motorium::session::run;
+use motorium_physics::{ArticulatedSimulator, Properties};
+use motorium_physics::{
+    Ground, JointCommand, Object, ObjectShape, Options as Engine, RapierSimulator, ResetError, RobotSetup,
+    Simulator, World,
+};
+use motorium_robots::{BodyFactors, Model, load};
+use serde_json::Value;
+
+use crate::component::registry;
+
+fn world(scale: f64) -> World {
+    World {
+        gravity: [0.0, 0.0, -9.81 * scale],
+        ground: Some(Ground { friction: 0.8 * scale, ..Ground::default() }),
+        objects: vec![Object {
+            name: "cube".into(),
+            shape: ObjectShape::Box { size: [0.1; 3] },
+            mass: Some(0.5 * scale),
+            position: [0.6, 0.1 * scale, 0.0505],
+            rpy: [0.0, 0.0, 0.3 * scale],
+            friction: 0.6 * scale,
+            restitution: 0.0,
+        }],
+        ..World::default()
+    }
+}
+
+fn heavy(model: &Model) -> Model {
+    let factors: Vec<_> = (0..model.bodies().len())
+        .map(|body| BodyFactors {
+            mass: 1.0 + 0.02 * body as f64,
+            damping: 2.0,
+            friction: 0.5,
+            effort_limit: 0.9,
+        })
+        .collect();
+    model.with_factors(1.1, &factors)
+}
+
+/// Drops the robot, moves a drive, and gives all numbers of the state.
+fn motion(simulator: &mut dyn Simulator) -> Vec<u64> {
+    let mut found = Vec::new();
+    for step in 0..300 {
+        let commands = simulator.commands_mut();
+        commands.fill(JointCommand::hold(0.2, 30.0, 1.0));
+        commands[0] = JointCommand::effort((0.05 * f64::from(step)).sin());
+        simulator.step(1e-3).unwrap();
+        let pose = simulator.object("cube").map(|cube| simulator.object_pose(cube));
+        let cube =
+            pose.into_iter().flat_map(|pose| pose.to_homogeneous().iter().copied().collect::<Vec<_>>());
+        found.extend(simulator.configuration().iter().copied().chain(cube).map(f64::to_bits));
+    }
+    found
+}
+
+/// The properties of a simulation that was built with them.
+fn built(model: &Model) -> (RobotSetup, World, Engine) {
+    let options = Engine { friction: 0.8 * 0.7, ..Engine::default() };
+    (RobotSetup::from(heavy(model)), world(0.7), options)
+}
+
+/// The same properties for one that was built otherwise.
+fn changed(mut properties: Properties) -> Properties {
+    properties.model = heavy(&properties.model);
+    properties.world = World { ground: properties.world.ground, ..world(0.7) };
+    for surface in &mut properties.surfaces {
+        surface.friction *= 0.7;
+    }
+    properties
+}
+
+#[test]
+fn a_simulation_reset_with_other_properties_moves_to_the_bit_as_one_that_was_built_with_them() {
+    for (robot, height) in [("quadruped", 0.3), ("rrbot", 0.0)] {
+        let model = load(robot, Path::new(".")).unwrap().model;
+        let mut q = model.neutral();
+        if model.base().floating {
+            q[2] = height;
+        }
+        let v = vec![0.0; model.nv()];
+        let (setup, there, options) = built(&model);
+        let mut fresh = ArticulatedSimulator::new(setup, there, &q, options).unwrap();
+        let mut reset = ArticulatedSimulator::new(model.clone(), world(1.0), &q, Engine::default()).unwrap();
+        let nominal = reset.properties();
+        let before = motion(&mut reset);
+        reset.reset_with(&changed(nominal.clone()), &q, &v).unwrap();
+        assert!(motion(&mut reset) == motion(&mut fresh), "{robot}");
+        // and back
+        reset.reset_with(&nominal, &q, &v).unwrap();
+        assert!(motion(&mut reset) == before, "{robot}");
+    }
+    let model = load("rrbot", Path::new(".")).unwrap().model;
+    let (q, v) = (model.neutral(), vec![0.0; model.nv()]);
+    let (setup, there, options) = built(&model);
+    let mut fresh = RapierSimulator::new(setup, there, &q, options).unwrap();
+    let mut reset = RapierSimulator::new(model, world(1.0), &q, Engine::default()).unwrap();
+    let nominal = reset.properties();
+    motion(&mut reset);
+    reset.reset_with(&changed(nominal), &q, &v).unwrap();
+    assert!(motion(&mut reset) == motion(&mut fresh), "rapier");
+}
+
+#[test]
+fn properties_of_another_robot_or_world_and_surfaces_that_cannot_be_are_refused() {
+    let model = load("rrbot", Path::new(".")).unwrap().model;
+    let (q, v) = (model.neutral(), vec![0.0; model.nv()]);
+    let mut simulator = ArticulatedSimulator::new(model, world(1.0), &q, Engine::default()).unwrap();
+    let nominal = simulator.properties();
+    let mut other = nominal.clone();
+    other.model = load("acrobot", Path::new(".")).unwrap().model;
+    assert_eq!(simulator.reset_with(&other, &q, &v), Err(ResetError::Properties));
+    let mut other = nominal.clone();
+    other.world.objects[0].mass = None;
+    assert_eq!(simulator.reset_with(&other, &q, &v), Err(ResetError::Properties));
+    let mut other = nominal.clone();
+    other.world.objects[0].mass = Some(-1.0);
+    assert!(matches!(simulator.reset_with(&other, &q, &v), Err(ResetError::World(_))));
+    let mut other = nominal;
+    other.surfaces[0].friction = f64::NAN;
+    assert!(matches!(simulator.reset_with(&other, &q, &v), Err(ResetError::Surface(_))));
+}
+
+fn text(robot: &str, config: &str, rest: &str) -> String {
+    format!(
+        r#"
+name = "randomise-test"
+clock = "lockstep"
+duration = "100 ms"
+{rest}
+[robot.one]
+urdf = "{robot}"
+
+[component.physics]
+kind = "physics.articulated"
+robot = "one"
+rate = "1 kHz"
+publish = {{ joint_state = "one/joint_state" }}
+subscribe = {{ joint_command = "one/joint_command" }}
+
+[component.physics.config]
+world = {{ ground = {{}}, objects = [
+    {{ name = "cube", shape = {{ box = {{ size = [0.1, 0.1, 0.1] }} }}, mass = 0.5, position = [0.9, 0.0, 0.05] }},
+    {{ name = "wall", shape = {{ box = {{ size = [0.1, 0.1, 0.1] }} }}, position = [5.0, 0.0, 0.05] }},
+] }}
+{config}
+
+[component.driver]
+kind = "test.driver"
+trigger = "one/joint_state"
+subscribe = {{ state = "one/joint_state" }}
+publish = {{ command = "one/joint_command" }}
+config = {{ offset = 0.0, until = 0, stiffness = 1.0 }}
+"#
+    )
+}
+
+fn check(text: String) -> Result<graph::Checked, graph::GraphError> {
+    graph::check(&PathBuf::from("randomise.toml"), text, &[], &registry(), &graph::Machine::detect())
+}
+
+fn run_of(robot: &str, config: &str, rest: &str) -> Report {
+    let plan =
+        check(text(robot, config, rest)).unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    run(plan, &registry(), &Options::inline(), &mut |_| ()).unwrap()
+}
+
+const RANGES: &str = r#"
+[component.physics.config.randomise]
+gravity      = [0.9, 1.1]
+mass         = [0.8, 1.2]
+friction     = [0.5, 1.0]
+restitution  = [0.0, 0.3]
+effort_limit = [0.7, 1.0]
+start        = [-0.05, 0.05]
+base         = { x = [-0.1, 0.1], z = [0.0, 0.02], yaw = [-0.5, 0.5] }
+ground       = { friction = [0.6, 1.0] }
+objects      = { cube = { mass = [0.5, 2.0], friction = [0.5, 1.5], y = [-0.1, 0.1], yaw = [-1.0, 1.0] }, wall = { friction = [1.0, 1.0] } }
+"#;
+
+fn episodes(report: &Report) -> &Vec<Value> {
+    report.results["physics"]["randomised"].as_array().unwrap()
+}
+
+#[test]
+fn without_ranges_nothing_changes_and_nothing_is_reported() {
+    let (plain, empty) =
+        (run_of("quadruped", "", "seed = 3"), run_of("quadruped", "randomise = {}", "seed = 3"));
+    assert!(plain.state_hash.is_some());
+    assert_eq!(plain.state_hash, empty.state_hash);
+    assert!(plain.results["physics"].get("randomised").is_none());
+    let other = run_of("quadruped", "", "seed = 4");
+    assert_eq!(plain.state_hash, other.state_hash, "a simulation without ranges has no seed");
+}
+
+#[test]
+fn equal_seeds_draw_and_move_alike_and_others_do_not() {
+    let runs = ["seed = 3", "seed = 3", "seed = 4"].map(|seed| run_of("quadruped", RANGES, seed));
+    assert_eq!(runs[0].state_hash, runs[1].state_hash);
+    assert_eq!(episodes(&runs[0]), episodes(&runs[1]));
+    assert_ne!(runs[0].state_hash, runs[2].state_hash);
+    assert_ne!(episodes(&runs[0])[0]["mass"], episodes(&runs[2])[0]["mass"]);
+    assert_eq!(episodes(&runs[0]).len(), 1);
+}
+
+#[test]
+fn every_episode_draws_from_its_own_seed_within_the_ranges() {
+    let several = run_of("quadruped", RANGES, "seed = 3\nepisodes = { count = 5, vary_seed = true }");
+    let drawn = episodes(&several);
+    assert_eq!((drawn.len(), several.episodes.len()), (5, 5));
+    for (index, (draw, episode)) in drawn.iter().zip(&several.episodes).enumerate() {
+        // a run of this seed alone is this episode
+        let alone = run_of("quadruped", RANGES, &format!("seed = {}", 3 + index));
+        assert_eq!(alone.state_hash.as_ref(), Some(&episode.state_hash), "episode {index}");
+        assert_eq!(episodes(&alone)[0]["mass"], draw["mass"]);
+        let within = |value: &Value, low: f64, high: f64| {
+            let value = value.as_f64().unwrap();
+            assert!((low..=high).contains(&value), "{value} in {draw}");
+        };
+        within(&draw["gravity"], 0.9, 1.1);
+        within(&draw["objects"]["cube"]["mass"], 0.5, 2.0);
+        within(&draw["base"]["z"], 0.0, 0.02);
+        assert_eq!(draw["objects"]["wall"]["friction"], 1.0);
+        let masses = draw["mass"].as_object().unwrap();
+        assert_eq!(masses.len(), 13, "a base and three bodies a leg: {masses:?}");
+        masses.values().for_each(|mass| within(mass, 0.8, 1.2));
+        assert_eq!(draw["start"].as_object().unwrap().len(), 12);
+    }
+    assert_ne!(drawn[0]["mass"], drawn[1]["mass"]);
+    // with one seed for all, all are the same
+    let same = run_of("quadruped", RANGES, "seed = 3\nepisodes = { count = 2 }");
+    assert_eq!(same.episodes[0].state_hash, same.episodes[1].state_hash);
+}
+
+#[test]
+fn another_range_leaves_the_draws_of_the_others_as_they_are() {
+    let all = run_of("quadruped", RANGES, "seed = 3");
+    let mass = "[component.physics.config.randomise]\nmass = [0.8, 1.2]";
+    let alone = run_of("quadruped", mass, "seed = 3");
+    assert_eq!(episodes(&all)[0]["mass"], episodes(&alone)[0]["mass"]);
+}
+
+#[test]
+fn a_drawn_start_moves_the_joints_and_the_base_and_feet_still_stand_on_the_ground() {
+    let config = "[component.physics.config.randomise]\nstart = [-0.2, 0.2]\nbase = { x = [0.4, 0.5], yaw = [1.0, 1.0] }";
+    let report = run_of("quadruped", config, "seed = 3");
+    let physics = &report.results["physics"];
+    let position: Vec<f64> = serde_json::from_value(physics["base_position"].clone()).unwrap();
+    let rpy: Vec<f64> = serde_json::from_value(physics["base_rpy"].clone()).unwrap();
+    assert!((0.39..0.51).contains(&position[0]), "{position:?}");
+    assert!((rpy[2] - 1.0).abs() < 0.1, "{rpy:?}");
+    // it neither falls from above nor bursts out of the ground
+    let range = ["base_height_lowest_m", "base_height_highest_m"].map(|key| physics[key].as_f64().unwrap());
+    assert!(range[1] - range[0] < 0.03, "{range:?}");
+}
+
+#[test]
+fn ranges_that_cannot_be_are_refused_at_their_place_in_the_file() {
+    let line = |text: &str, part: &str| text[..text.find(part).unwrap()].lines().count();
+    for (robot, ranges, expected, at) in [
+        ("quadruped", "mass = [1.2, 0.8]", "the lowest value stands first", "mass"),
+        ("quadruped", "mass = [0.0, 1.0]", "factors from 0.001 to 100", "mass"),
+        ("quadruped", "restitution = [0.5, 1.5]", "numbers from 0 to 1", "restitution"),
+        ("quadruped", "friction = [-0.5, 1.0]", "factors from 0 to 100", "friction"),
+        ("quadruped", "gravity = [1.0]", "length 2", "gravity"),
+        ("quadruped", "objects = { cub = { mass = [1.0, 2.0] } }", "it has: cube, wall", "cub"),
+        ("quadruped", "objects = { wall = { mass = [1.0, 2.0] } }", "`wall` has no mass", "wall"),
+        ("rrbot", "base = { x = [0.0, 1.0] }", "fixed to the world", "base"),
+        (
+            "quadruped",
+            "robots = { two = { mass = [1.0, 2.0] } }",
+            "`two` is not one of several robots",
+            "two",
+        ),
+        ("quadruped", "masses = [1.0, 2.0]", "masses", "masses"),
+        ("pendulum", "damping = [1.0, 2.0]", "no part of robot `pendulum` has it", "damping"),
+    ] {
+        let text = text(robot, &format!("[component.physics.config.randomise]\n{ranges}"), "");
+        let place = line(&text, ranges) + 1;
+        let error = check(text).map(|_| ()).unwrap_err().render(false);
+        assert!(error.contains(expected) && error.contains(at), "{ranges}: {error}");
+        assert!(error.contains(&format!("randomise.toml:{place}:")), "{ranges}, line {place}: {error}");
+    }
+}

@@ -1,0 +1,192 @@
+//! `sensor.force_torque`: a force-torque sensor as a component.
+
+use motorium::prelude::*;
+use motorium_robots::{FrameId, Model};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::loads::TrueLoads;
+use super::readings::{Readings, refused};
+use crate::channel::{Channel, ErrorModel, SettingError, Timing};
+
+/// Configuration of `sensor.force_torque`. All but `link` has a default: an ideal sensor at the origin of the link.
+///
+/// ```toml
+/// link    = "panda_hand"
+/// force   = { noise = 0.1, bias = 0.5, resolution = 0.05, range = 300.0 }
+/// torque  = { noise = 0.005, bias = 0.02, resolution = 0.001, range = 30.0 }
+/// latency = "1 ms"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ForceTorqueConfig {
+    /// The link that the sensor carries: it stands between this link and the one above it, at a moving joint or a fixed one.
+    pub link: String,
+    /// Position of the sensor in the frame of the link (m). Default: its origin.
+    #[serde(default)]
+    pub position: [f64; 3],
+    /// Orientation of the sensor there: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
+    #[serde(default)]
+    pub rpy: [f64; 3],
+    /// Errors of the force, N.
+    #[serde(default)]
+    pub force: ErrorModel,
+    /// Errors of the torque, N m.
+    #[serde(default)]
+    pub torque: ErrorModel,
+    /// Time from sampling until the reading is available. Default none.
+    #[serde(default)]
+    pub latency: TimeSpan,
+    /// Share of the readings that are lost, 0 to 1. Default 0.
+    #[serde(default)]
+    pub drop_out: f64,
+    /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
+    #[serde(default = "earth")]
+    pub gravity: [f64; 3],
+    /// Seed of the noise. Default: from the seed of the run and the name of the component.
+    #[serde(default)]
+    pub seed: Option<u64>,
+}
+
+/// The earth's acceleration of free fall \[m/s2\].
+pub(super) fn earth() -> [f64; 3] {
+    [0.0, 0.0, -9.81]
+}
+
+impl ForceTorqueConfig {
+    fn timing(&self) -> Timing {
+        Timing { latency: self.latency, drop_out: self.drop_out }
+    }
+
+    fn channels(&self, seed: u64) -> Result<[Channel; 2], SettingError> {
+        let seed = self.seed.unwrap_or(seed);
+        Ok([
+            Channel::new("force", &self.force, 3, seed, 0)?,
+            Channel::new("torque", &self.torque, 3, seed, 1)?,
+        ])
+    }
+
+    /// The link that it carries, and the sensor's place in its frame.
+    fn place(&self, model: &Model) -> Result<(FrameId, Isometry3<f64>), ConfigError> {
+        let link = model.frame(&self.link).map_err(|error| ConfigError::key("link", error.to_string()))?;
+        if model.frames()[link.index()].parent.is_none() {
+            return Err(ConfigError::key("link", format!("`{}` is the root: no link carries it", self.link))
+                .advise("name the first link beyond the sensor, such as that of a hand"));
+        }
+        for (key, numbers) in [("position", self.position), ("rpy", self.rpy)] {
+            if !numbers.iter().all(|number| number.is_finite()) {
+                return Err(ConfigError::key(key, "expected finite numbers"));
+            }
+        }
+        let [roll, pitch, yaw] = self.rpy;
+        let rotation = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        Ok((link, Isometry3::from_parts(Translation3::from(self.position), rotation)))
+    }
+}
+
+/// A component that publishes the readings of a force-torque sensor within a robot.
+///
+/// A reading is the mean wrench since the last sample that the robot exerts through the sensor on all that it carries: at rest
+/// the weight of that, upwards. It stands at the origin and in the axes of the sensor in the middle of that time.
+pub struct ForceTorque {
+    loads: TrueLoads,
+    wrench: Output<Wrench>,
+    config: ForceTorqueConfig,
+    channels: [Channel; 2],
+    readings: Readings,
+    link: FrameId,
+    place: Isometry3<f64>,
+    last: Option<(u64, Isometry3<f64>)>,
+    /// Mass that it carries \[kg\].
+    carried: f64,
+}
+
+impl Component for ForceTorque {
+    const KIND: &'static str = "sensor.force_torque";
+    const SUMMARY: &'static str = "force-torque sensor: noise, bias, resolution, range, latency";
+    const READS_GRAVITY: bool = true;
+    const RESETS: bool = true;
+    type Config = ForceTorqueConfig;
+
+    fn declare(config: &ForceTorqueConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        config.channels(0).map_err(refused)?;
+        Readings::declare(&config.timing(), declare)?;
+        let model = TrueLoads::declare(config.gravity, declare)?;
+        let (link, _) = config.place(&model)?;
+        if carried(&model, link) == 0.0 {
+            declare
+                .warn(format!(
+                    "`{}` and what it carries have no mass: the sensor reads contacts alone",
+                    config.link
+                ))
+                .at("link");
+        }
+        declare.output::<Wrench>("wrench", "force and torque on what the sensor carries, in its axes");
+        Ok(())
+    }
+
+    fn configure(config: ForceTorqueConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let loads = TrueLoads::open(config.gravity, setup)?;
+        let (link, place) = config.place(loads.model())?;
+        let seed = config.seed.unwrap_or(setup.seed());
+        Ok(Self {
+            wrench: setup.output("wrench")?,
+            channels: config.channels(seed).map_err(refused)?,
+            readings: Readings::new(&config.timing(), 6, setup.period(), seed)?,
+            carried: carried(loads.model(), link),
+            last: None,
+            loads,
+            link,
+            place,
+            config,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        if let Some(times) = self.loads.newest(tick)? {
+            let wrench = self.loads.through(self.link);
+            let now = self.loads.kinematics().pose(self.loads.model(), self.link) * self.place;
+            let (since, before) = self.last.replace((times.state, now)).unwrap_or((times.state, now));
+            let middle = Isometry3::from_parts(
+                before.translation.vector.lerp(&now.translation.vector, 0.5).into(),
+                before.rotation.slerp(&now.rotation, 0.5),
+            );
+            let (force, torque) = wrench.seen_from(&middle);
+            let dt = times.state.saturating_sub(since) as f64 * 1e-9;
+            let mut values = [force.x, force.y, force.z, torque.x, torque.y, torque.z];
+            let [of_force, of_torque] = &mut self.channels;
+            of_force.measure(dt, &mut values[..3]);
+            of_torque.measure(dt, &mut values[3..]);
+            self.readings.push(tick.time_ns, times.source, &values);
+        }
+        let Some((source, values)) = self.readings.due(tick.time_ns) else { return Ok(()) };
+        let mut wrench = self.wrench.loan()?;
+        wrench.force.copy_from_slice(&values[..3]);
+        wrench.torque.copy_from_slice(&values[3..]);
+        wrench.publish_from(source)
+    }
+
+    fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
+        let seed = self.config.seed.unwrap_or(episode.seed);
+        self.channels = self.config.channels(seed).map_err(|error| StepError::failed(error.to_string()))?;
+        self.readings.reset(seed);
+        self.loads.reset();
+        self.last = None;
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let mut result = self.readings.result();
+        let [force, torque] = &self.channels;
+        result["carried_mass_kg"] = serde_json::json!(self.carried);
+        result["force_bias"] = serde_json::json!(force.bias());
+        result["torque_bias"] = serde_json::json!(torque.bias());
+        Some(result)
+    }
+}
+
+/// Mass of a link and of all that it carries \[kg\].
+fn carried(model: &Model, link: FrameId) -> f64 {
+    model.carried(link).iter().map(|frame| model.frames()[frame.index()].inertia.mass).sum()
+}

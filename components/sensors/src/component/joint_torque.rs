@@ -1,0 +1,179 @@
+//! `sensor.joint_torque`: the torque sensors of a robot's joints as a component.
+
+use motorium::prelude::*;
+use motorium_robots::{FrameId, JointKind, Model};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::force_torque::earth;
+use super::loads::TrueLoads;
+use super::readings::{Readings, refused};
+use crate::channel::{Channel, ErrorModel, SettingError, Timing};
+
+/// Configuration of `sensor.joint_torque`. The default is an ideal sensor in every joint.
+///
+/// ```toml
+/// torque  = { noise = 0.05, bias = 0.2, scale_error = 0.01, resolution = 0.01, range = 100.0 }
+/// latency = "1 ms"
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct JointTorqueConfig {
+    /// Errors of the torque of a joint that turns, N m, and of the force of one that slides, N.
+    pub torque: ErrorModel,
+    /// Time from sampling until the reading is available. Default none.
+    pub latency: TimeSpan,
+    /// Share of the readings that are lost, 0 to 1. Default 0.
+    pub drop_out: f64,
+    /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
+    pub gravity: [f64; 3],
+    /// Seed of the noise. Default: from the seed of the run and the name of the component.
+    pub seed: Option<u64>,
+}
+
+impl Default for JointTorqueConfig {
+    fn default() -> Self {
+        Self {
+            torque: ErrorModel::default(),
+            latency: TimeSpan { ns: 0 },
+            drop_out: 0.0,
+            gravity: earth(),
+            seed: None,
+        }
+    }
+}
+
+impl JointTorqueConfig {
+    fn timing(&self) -> Timing {
+        Timing { latency: self.latency, drop_out: self.drop_out }
+    }
+
+    fn channel(&self, joints: usize, seed: u64) -> Result<Channel, SettingError> {
+        Channel::new("torque", &self.torque, joints, self.seed.unwrap_or(seed), 0)
+    }
+}
+
+/// A component that publishes the readings of torque sensors on the output side of a robot's joints.
+///
+/// A reading is the mean torque about the axis, or force along it, since the last sample with which a joint moves and holds what it carries.
+/// Friction, damping and the inertia of the drive lie on the other side of the sensor.
+pub struct JointTorque {
+    loads: TrueLoads,
+    measured: Output<JointState>,
+    config: JointTorqueConfig,
+    channel: Channel,
+    readings: Readings,
+    /// The link that each joint carries.
+    links: Vec<FrameId>,
+    /// Torques, then positions and velocities.
+    values: Vec<f64>,
+    since: Option<u64>,
+}
+
+impl Component for JointTorque {
+    const KIND: &'static str = "sensor.joint_torque";
+    const SUMMARY: &'static str = "torque sensors of joints: noise, bias, resolution, range, latency";
+    const READS_GRAVITY: bool = true;
+    const RESETS: bool = true;
+    type Config = JointTorqueConfig;
+
+    fn declare(config: &JointTorqueConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        Readings::declare(&config.timing(), declare)?;
+        let model = TrueLoads::declare(config.gravity, declare)?;
+        if model.joint_count() == 0 || model.joint_count() > MAX_JOINTS {
+            let message = format!("the robot has {} joints, expected 1 to {MAX_JOINTS}", model.joint_count());
+            return Err(ConfigError::new(message));
+        }
+        config.channel(model.joint_count(), 0).map_err(refused)?;
+        links(&model)?;
+        declare.output::<JointState>(
+            "measured",
+            "torques of the joints as efforts, beside the true positions and velocities",
+        );
+        Ok(())
+    }
+
+    fn configure(config: JointTorqueConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let loads = TrueLoads::open(config.gravity, setup)?;
+        let links = links(loads.model())?;
+        let seed = config.seed.unwrap_or(setup.seed());
+        Ok(Self {
+            measured: setup.output("measured")?,
+            channel: config.channel(links.len(), seed).map_err(refused)?,
+            readings: Readings::new(&config.timing(), 3 * links.len(), setup.period(), seed)?,
+            values: vec![0.0; 3 * links.len()],
+            since: None,
+            loads,
+            links,
+            config,
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        let joints = self.links.len();
+        if let Some(times) = self.loads.newest(tick)? {
+            let (torques, rest) = self.values.split_at_mut(joints);
+            for (joint, (torque, link)) in torques.iter_mut().zip(&self.links).enumerate() {
+                *torque = along_axis(&self.loads, joint, *link);
+            }
+            let dt = self.since.replace(times.state).map_or(0, |since| times.state.saturating_sub(since));
+            self.channel.measure(dt as f64 * 1e-9, torques);
+            let (position, velocity) = self.loads.joints();
+            rest[..joints].copy_from_slice(position);
+            rest[joints..].copy_from_slice(velocity);
+            self.readings.push(tick.time_ns, times.source, &self.values);
+        }
+        let Some((source, values)) = self.readings.due(tick.time_ns) else { return Ok(()) };
+        let mut measured = self.measured.loan()?;
+        measured.set_count(joints);
+        measured.effort_mut().copy_from_slice(&values[..joints]);
+        measured.position_mut().copy_from_slice(&values[joints..2 * joints]);
+        measured.velocity_mut().copy_from_slice(&values[2 * joints..]);
+        measured.publish_from(source)
+    }
+
+    fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
+        let seed = self.config.seed.unwrap_or(episode.seed);
+        let channel = self.config.channel(self.links.len(), seed);
+        self.channel = channel.map_err(|error| StepError::failed(error.to_string()))?;
+        self.readings.reset(seed);
+        self.loads.reset();
+        self.since = None;
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let mut result = self.readings.result();
+        result["joints"] = serde_json::json!(self.loads.model().joint_names());
+        result["torque_bias"] = serde_json::json!(self.channel.bias());
+        Some(result)
+    }
+}
+
+/// The torque about the axis of a joint, or the force along it, of the wrench through it.
+fn along_axis(loads: &TrueLoads, joint: usize, link: FrameId) -> f64 {
+    let model = loads.model();
+    let (wrench, body) = (loads.through(link), loads.kinematics().body_pose(model.joint_body(joint)));
+    let (force, torque) = wrench.seen_from(&body);
+    let joint = model.joint(joint);
+    if joint.kind == JointKind::Prismatic { joint.axis.dot(&force) } else { joint.axis.dot(&torque) }
+}
+
+/// The first link that each joint carries. A body between two joints, as those of a planar joint, has none of its own.
+fn links(model: &Model) -> Result<Vec<FrameId>, ConfigError> {
+    let below = |body: Option<usize>, ancestor: usize| {
+        let mut body = body;
+        while let Some(index) = body.filter(|index| *index != ancestor) {
+            body = model.bodies()[index].parent;
+        }
+        body.is_some()
+    };
+    let first = |joint: usize| {
+        let body = model.joint_body(joint);
+        let frame = model.frame_ids().find(|frame| below(model.frames()[frame.index()].body, body));
+        frame.ok_or_else(|| {
+            ConfigError::new(format!("joint `{}` carries no link", model.joint_names()[joint]))
+        })
+    };
+    (0..model.joint_count()).map(first).collect()
+}

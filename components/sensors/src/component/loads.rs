@@ -1,0 +1,144 @@
+//! The wrenches between the links of a robot, from the truth that a simulation publishes.
+
+use motorium::prelude::*;
+use motorium::state::{Contacts, Randomisation};
+use motorium_robots::{FrameId, Kinematics, Model};
+use nalgebra::{Point3, Vector3};
+
+use super::robot::{Mount, Needs, TrueMotion, name};
+use crate::encoder::StateTimes;
+use crate::loads::{Loads, OutsideForce, WorldWrench};
+
+/// The draws of a simulation for the present episode, where their topic is wired.
+pub(super) struct Drawn {
+    input: Input<Randomisation>,
+    seen: (u32, u32, u64),
+}
+
+impl Drawn {
+    /// Declares the input.
+    pub(super) fn declare(declare: &mut Declare) {
+        declare.optional_input::<Randomisation>(
+            "randomisation",
+            "physical properties that the simulation drew for the episode",
+        );
+    }
+
+    /// Opens the input.
+    pub(super) fn open(setup: &mut Setup) -> Result<Self, ConfigureError> {
+        Ok(Self { input: setup.input("randomisation")?, seen: (0, 0, 0) })
+    }
+
+    /// The draws of the episode of this step, when they are new.
+    pub(super) fn newest(&mut self, tick: &Tick) -> Option<Reading<'_, Randomisation>> {
+        let drawn = self.input.latest()?;
+        let seen = name(&drawn.stamp());
+        if drawn.episode != tick.episode || std::mem::replace(&mut self.seen, seen) == seen {
+            return None;
+        }
+        Some(drawn)
+    }
+
+    /// Goes back to the start.
+    pub(super) fn reset(&mut self) {
+        self.seen = (0, 0, 0);
+    }
+}
+
+/// The wrenches between the links of a robot.
+pub(super) struct TrueLoads {
+    motion: TrueMotion,
+    contacts: Input<Contacts>,
+    drawn: Drawn,
+    loads: Loads,
+    gravity: Vector3<f64>,
+}
+
+impl TrueLoads {
+    /// Declares the inputs. Returns the model of the robot.
+    pub(super) fn declare(gravity: [f64; 3], declare: &mut Declare) -> Result<Model, ConfigError> {
+        if !gravity.iter().all(|number| number.is_finite()) {
+            return Err(ConfigError::key("gravity", "expected finite numbers"));
+        }
+        let model = TrueMotion::declare(&Mount::default(), Needs::AllLinks, declare)?;
+        declare.optional_input::<Contacts>("contacts", "true contact points on the robot");
+        Drawn::declare(declare);
+        Ok(model)
+    }
+
+    /// Opens the inputs.
+    pub(super) fn open(gravity: [f64; 3], setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let motion = TrueMotion::open(&Mount::default(), Needs::AllLinks, setup)?;
+        let gravity = Vector3::from(gravity);
+        Ok(Self {
+            contacts: setup.input("contacts")?,
+            drawn: Drawn::open(setup)?,
+            loads: Loads::new(motion.model(), gravity),
+            gravity,
+            motion,
+        })
+    }
+
+    /// The model of the robot.
+    pub(super) fn model(&self) -> &Model {
+        self.motion.model()
+    }
+
+    /// Poses of the links, as of the newest sample.
+    pub(super) fn kinematics(&self) -> &Kinematics {
+        self.motion.kinematics()
+    }
+
+    /// Position and velocity of the joints, as of the newest sample.
+    pub(super) fn joints(&self) -> (&[f64], &[f64]) {
+        self.motion.joints()
+    }
+
+    /// The wrench through the joint above a link, in the interval that the newest truth closed.
+    pub(super) fn through(&self, link: FrameId) -> WorldWrench {
+        self.loads.through(link)
+    }
+
+    /// Takes in the newest truth. Its times, if it is new and closes an interval.
+    pub(super) fn newest(&mut self, tick: &Tick) -> Result<Option<StateTimes>, StepError> {
+        let Self { motion, contacts, drawn, loads, gravity } = self;
+        let Some(times) = motion.newest()?.map(|motion| motion.times) else { return Ok(None) };
+        if let Some(drawn) = drawn.newest(tick) {
+            let model = motion.model();
+            let factor = |link: usize| {
+                let part = model.frames()[link].body.map_or(Randomisation::BASE, |body| body as u32);
+                drawn.find(Randomisation::BODY_MASS, part).unwrap_or(1.0)
+            };
+            loads.set_properties(*gravity * drawn.find(Randomisation::GRAVITY, 0).unwrap_or(1.0), factor);
+        }
+        let (model, kinematics) = (motion.model(), motion.kinematics());
+        let closed = match contacts.latest() {
+            Some(points) => {
+                let outside = (0..points.count()).map(|index| OutsideForce {
+                    link: points.link()[index] as usize,
+                    point: Point3::new(
+                        points.position_x()[index],
+                        points.position_y()[index],
+                        points.position_z()[index],
+                    ),
+                    force: Vector3::new(
+                        points.force_x()[index],
+                        points.force_y()[index],
+                        points.force_z()[index],
+                    ),
+                });
+                loads.sample(times.state, model, kinematics, outside)
+            }
+            None => loads.sample(times.state, model, kinematics, []),
+        };
+        Ok(closed.then_some(times))
+    }
+
+    /// Goes back to the start.
+    pub(super) fn reset(&mut self) {
+        self.motion.reset();
+        self.drawn.reset();
+        self.loads.forget();
+        self.loads.set_properties(self.gravity, |_| 1.0);
+    }
+}

@@ -1,0 +1,182 @@
+//! The wrenches with which the links of a robot carry one another, from its motion.
+
+use motorium_robots::{FrameId, Inertia, Kinematics, Model};
+use nalgebra::{Isometry3, Point3, Vector3};
+
+/// A force and a torque about the origin of the world, axes of the world.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WorldWrench {
+    /// Force \[N\].
+    pub force: Vector3<f64>,
+    /// Torque about the origin of the world \[Nm\].
+    pub torque: Vector3<f64>,
+}
+
+impl WorldWrench {
+    /// The same wrench about the origin of a frame, in its axes: force \[N\] and torque \[Nm\].
+    pub fn seen_from(&self, frame: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let torque = self.torque - frame.translation.vector.cross(&self.force);
+        let inverse = frame.rotation.inverse();
+        (inverse * self.force, inverse * torque)
+    }
+}
+
+/// A force from outside on a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OutsideForce {
+    /// The link, by its index among the frames of the model.
+    pub link: usize,
+    /// Point of application in the world \[m\].
+    pub point: Point3<f64>,
+    /// The force on the link, axes of the world \[N\].
+    pub force: Vector3<f64>,
+}
+
+/// The wrenches with which the links of a robot carry one another, as the means between two samples of its motion.
+///
+/// A link and all that it carries have together the momentum `P`, the angular momentum `L` about the origin of the world and the
+/// mass `m` with the centre `c`. Between two samples at `t` and `t + dt` the joint that carries the link, a moving or a
+/// fixed one, must have exerted the mean wrench
+///
+/// ```text
+/// F = (P(t + dt) - P(t)) / dt - m g - sum f_i
+/// T = (L(t + dt) - L(t)) / dt - c(t + dt/2) x m g - sum r_i x f_i
+/// ```
+///
+/// with the acceleration of free fall `g` and the forces `f_i` at the points `r_i` from outside. No acceleration is needed, and an
+/// impact between the samples counts in full. Masses are those of the model times a factor of each link.
+///
+/// ```
+/// use motorium_robots::{Kinematics, load};
+/// use motorium_sensors::loads::Loads;
+/// use nalgebra::Vector3;
+///
+/// let model = load("pendulum", std::path::Path::new("."))?.model;
+/// let mut kinematics = Kinematics::new(&model);
+/// kinematics.update(&model, &[0.3]);
+/// let mut loads = Loads::new(&model, Vector3::new(0.0, 0.0, -9.81));
+/// assert!(!loads.sample(0, &model, &kinematics, []), "one sample is no interval");
+/// assert!(loads.sample(1_000_000, &model, &kinematics, []));
+/// let link = model.frame(&model.bodies()[0].name)?;
+/// assert!((loads.through(link).force.z - 9.81 * model.mass()).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Loads {
+    links: Vec<Link>,
+    gravity: Vector3<f64>,
+    last: Option<u64>,
+    wrenches: Vec<WorldWrench>,
+}
+
+#[derive(Clone, Debug)]
+struct Link {
+    parent: Option<usize>,
+    inertia: Inertia,
+    factor: f64,
+    now: Motion,
+    before: Motion,
+}
+
+/// Momenta of one link.
+#[derive(Clone, Copy, Debug, Default)]
+struct Motion {
+    momentum: Vector3<f64>,
+    /// Angular momentum about the origin of the world.
+    angular: Vector3<f64>,
+    /// Mass times the position of its centre.
+    moment: Vector3<f64>,
+}
+
+impl Loads {
+    /// The loads of a robot under an acceleration of free fall `gravity` \[m/s2\] in the world.
+    pub fn new(model: &Model, gravity: Vector3<f64>) -> Self {
+        let links = model.frames().iter().map(|frame| Link {
+            parent: frame.parent,
+            inertia: frame.inertia,
+            factor: 1.0,
+            now: Motion::default(),
+            before: Motion::default(),
+        });
+        let links: Vec<_> = links.collect();
+        Self { wrenches: vec![WorldWrench::default(); links.len()], links, gravity, last: None }
+    }
+
+    /// Sets the acceleration of free fall \[m/s2\] and, link by link of the model, the factor of its mass and its inertia.
+    pub fn set_properties(&mut self, gravity: Vector3<f64>, factor: impl Fn(usize) -> f64) {
+        self.gravity = gravity;
+        self.links.iter_mut().enumerate().for_each(|(index, link)| link.factor = factor(index));
+    }
+
+    /// Begins anew: the next sample is the first.
+    pub fn forget(&mut self) {
+        self.last = None;
+    }
+
+    /// Takes in the motion at a time, and the mean forces from outside since the last sample. `false` for the first sample, and for one
+    /// that does not lie after the last: the motion then begins anew.
+    pub fn sample(
+        &mut self,
+        time_ns: u64,
+        model: &Model,
+        kinematics: &Kinematics,
+        outside: impl IntoIterator<Item = OutsideForce>,
+    ) -> bool {
+        for (index, (link, frame)) in self.links.iter_mut().zip(model.frame_ids()).enumerate() {
+            link.before = link.now;
+            // what stands in the world carries, and is not carried
+            if link.inertia.mass > 0.0 && !model.frames()[index].in_world {
+                link.now = link.motion(model, kinematics, frame);
+            }
+        }
+        let since = self.last.replace(time_ns);
+        let Some(dt) = since.and_then(|since| time_ns.checked_sub(since)).filter(|ns| *ns > 0) else {
+            return false;
+        };
+        self.balance(dt as f64 * 1e-9, outside);
+        true
+    }
+
+    fn balance(&mut self, dt: f64, outside: impl IntoIterator<Item = OutsideForce>) {
+        let Self { links, gravity, wrenches, .. } = self;
+        for (wrench, Link { now, before, inertia, factor, .. }) in wrenches.iter_mut().zip(&*links) {
+            let centre = (now.moment + before.moment) * 0.5;
+            *wrench = WorldWrench {
+                force: (now.momentum - before.momentum) / dt - *gravity * (factor * inertia.mass),
+                torque: (now.angular - before.angular) / dt - centre.cross(gravity),
+            };
+        }
+        for OutsideForce { link, point, force } in outside {
+            if let Some(wrench) = wrenches.get_mut(link) {
+                wrench.force -= force;
+                wrench.torque -= point.coords.cross(&force);
+            }
+        }
+        // Parents stand before their children.
+        for index in (0..links.len()).rev() {
+            let Some(parent) = links[index].parent else { continue };
+            let own = wrenches[index];
+            wrenches[parent].force += own.force;
+            wrenches[parent].torque += own.torque;
+        }
+    }
+
+    /// The wrench that the joint above a link, moving or fixed, exerted on the link: the mean of the interval that the last sample
+    /// closed.
+    pub fn through(&self, link: FrameId) -> WorldWrench {
+        self.wrenches[link.index()]
+    }
+}
+
+impl Link {
+    fn motion(&self, model: &Model, kinematics: &Kinematics, frame: FrameId) -> Motion {
+        let (pose, twist) = (kinematics.pose(model, frame), kinematics.velocity(model, frame));
+        let mass = self.factor * self.inertia.mass;
+        let arm = pose.rotation * self.inertia.com;
+        let centre = pose.translation.vector + arm;
+        let momentum = (twist.linear + twist.angular.cross(&arm)) * mass;
+        let own = pose.rotation.inverse() * twist.angular;
+        let spin = pose.rotation * (self.inertia.rotational * own) * self.factor;
+        Motion { momentum, angular: centre.cross(&momentum) + spin, moment: centre * mass }
+    }
+}
