@@ -218,7 +218,7 @@ fn the_reader_of_mcap_for_python_sees_the_ball_in_the_middle_and_depths_in_metre
             "lidar-drive.toml",
             ["rover/depth", "rover/camera_info"],
             "500 ms",
-            ["foxglove.RawImage 32FC1 160 120 640 76800 camera 13", "True 79.5 59.5", "True True"],
+            ["foxglove.RawImage 32FC1 160 120 640 76800 camera 14", "True 79.5 59.5", "True True"],
         ),
     ] {
         let file = recorded(folder.path(), graph, &["--for", span, "--no-expect"]);
