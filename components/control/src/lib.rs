@@ -60,6 +60,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod admittance;
 mod component;
 mod cost;
 mod feed_forward;
@@ -77,6 +78,7 @@ mod state;
 pub mod tasks;
 pub mod wheels;
 
+pub use admittance::{Admittance, AdmittanceSettings};
 pub use component::*;
 pub use feed_forward::FeedForward;
 pub use gains::{GainsError, check_gains};

@@ -8,6 +8,7 @@
 
 mod bus;
 mod content;
+mod control;
 mod counted;
 mod decode;
 mod emergency;
@@ -27,6 +28,7 @@ mod stamp;
 
 pub use bus::{BusHealth, CanFrame};
 pub use content::{ContentCheck, ContentDefect, UnknownKind};
+pub use control::{ControlDiagnostics, MAX_ACTIVE, MAX_TASKS};
 pub use decode::{DecodeError, Decoded, Decoder, FieldValue, Number};
 pub use emergency::EmergencyStop;
 pub use encode::{EncodeError, encode};
@@ -179,6 +181,7 @@ mod tests {
     fn every_state_of_the_runtime_is_in_the_list() {
         let sources = [
             include_str!("bus.rs"),
+            include_str!("control.rs"),
             include_str!("emergency.rs"),
             include_str!("joint.rs"),
             include_str!("learning.rs"),

@@ -5,6 +5,7 @@ use motorium_robots::PerJoint;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::frame_limits::FrameLimitConfig;
 use super::tasks::TaskConfig;
 use super::torque::InverseDynamicsConfig;
 use crate::limits::{PositionLimit, VelocityLimit};
@@ -83,12 +84,14 @@ pub enum Feedback {
     Setpoint,
 }
 
-/// Limits of the commanded motion. Both always hold for the setpoint.
-#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+/// Limits of the commanded motion. They always hold for the setpoint.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LimitsConfig {
     /// Joint positions.
     pub position: PositionLimit,
     /// Joint velocities.
     pub velocity: VelocityLimit,
+    /// Boxes and speeds of frames.
+    pub frames: Vec<FrameLimitConfig>,
 }

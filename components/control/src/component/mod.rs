@@ -2,6 +2,8 @@
 
 mod checks;
 mod config;
+mod diagnostics_output;
+mod frame_limits;
 mod multirotor;
 mod setup;
 mod tasks;
@@ -10,6 +12,7 @@ mod velocity;
 mod wheels;
 
 pub use config::{Feedback, LimitsConfig, QpControllerConfig};
+pub use frame_limits::FrameLimitConfig;
 pub use multirotor::{MultirotorConfig, MultirotorController};
 pub use tasks::*;
 pub use torque::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig};
@@ -19,6 +22,7 @@ use motorium::prelude::*;
 use motorium::worker::Kind;
 
 use crate::GoalSummary;
+use diagnostics_output::DiagnosticsOutput;
 use setup::ControllerSetup;
 use torque::TorqueController;
 use velocity::VelocityController;
@@ -61,6 +65,8 @@ impl Component for QpController {
             "joint_command",
             "setpoints, feed-forward efforts and gains of all joints",
         );
+        DiagnosticsOutput::declare(declare);
+        parts.row_limits(&config.limits)?;
         // no check and no default of a parameter depends on the period
         for (place, task) in parts.tasks(0.0) {
             task.declare(&place, declare)?;

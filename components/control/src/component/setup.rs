@@ -5,9 +5,9 @@ use motorium_robots::{BasePose, Gains, Loaded, Model, PerJoint, Profile, RobotSo
 use nalgebra::{DVector, Vector3};
 
 use super::checks::{in_range, is_name, per_joint};
-use super::config::QpControllerConfig;
+use super::config::{LimitsConfig, QpControllerConfig};
 use super::tasks::{CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskKind, TaskPlace};
-use crate::{FeedForward, check_gains};
+use crate::{FeedForward, check_gains, limits::RowLimit};
 
 /// Time constant of the acceleration that is fed forward, s.
 const ACCELERATION_SMOOTHING: f64 = 0.004;
@@ -92,6 +92,15 @@ impl ControllerSetup {
         (1..=LEVELS).filter(|level| self.tasks.iter().any(|task| task.kind().1.level() == *level))
     }
 
+    /// The limits of combinations of velocities.
+    pub(super) fn row_limits(&self, config: &LimitsConfig) -> Result<Vec<Box<dyn RowLimit>>, ConfigError> {
+        let mut limits = Vec::new();
+        for (index, frame) in config.frames.iter().enumerate() {
+            frame.build(index, &self.model, self.profile.as_ref(), &mut limits)?;
+        }
+        Ok(limits)
+    }
+
     fn check_tasks(&self) -> Result<(), ConfigError> {
         let (mut names, mut targets) = (Vec::new(), vec!["joint_state", "base_state"]);
         for (place, kind) in self.tasks(0.0) {
@@ -107,26 +116,23 @@ impl ControllerSetup {
                     format!("level {} of task `{name}`, where 1 to {LEVELS} are possible", kind.level());
                 return Err(ConfigError::key(place.key("level"), message).advise("1 is the highest priority"));
             }
-            let refused = match kind.formulations() {
-                Formulations::Velocity if self.torque => Some("has no acceleration"),
-                Formulations::Torque if !self.torque => Some("needs `inverse_dynamics`"),
-                _ => None,
-            };
-            if let Some(reason) = refused {
-                return Err(ConfigError::key(&place.path, format!("task `{name}` {reason}")));
+            if kind.formulations() == Formulations::Torque && !self.torque {
+                return Err(ConfigError::key(&place.path, format!("task `{name}` needs `inverse_dynamics`")));
             }
-            let Some(target) = kind.target() else { continue };
-            if targets[2..].contains(&target) {
-                let message = format!("two tasks take their target from `{target}`");
-                return Err(ConfigError::key(place.key("target"), message)
-                    .advise("give each its own input, such as `target = \"left_target\"`"));
+            for (key, input) in [("target", kind.target()), ("wrench", kind.wrench())] {
+                let Some(input) = input else { continue };
+                if targets[2..].contains(&input) {
+                    let message = format!("two tasks take their {key} from `{input}`");
+                    return Err(ConfigError::key(place.key(key), message)
+                        .advise(format!("give each its own input, such as `{key} = \"left_{key}\"`")));
+                }
+                if targets[..2].contains(&input) || !is_name(input) {
+                    let message = format!("`{input}` cannot be the name of an input");
+                    return Err(ConfigError::key(place.key(key), message)
+                        .advise(format!("use lower-case letters, digits and underscores, such as `{key}`")));
+                }
+                targets.push(input);
             }
-            if targets[..2].contains(&target) || !is_name(target) {
-                let message = format!("`{target}` cannot be the name of an input");
-                return Err(ConfigError::key(place.key("target"), message)
-                    .advise("use lower-case letters, digits and underscores, such as `target`"));
-            }
-            targets.push(target);
         }
         Ok(())
     }
@@ -156,6 +162,7 @@ fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> 
         ("feedback", config.feedback != default.feedback),
         ("gravity_compensation", config.gravity_compensation != default.gravity_compensation),
         ("inertia_compensation", config.inertia_compensation != default.inertia_compensation),
+        ("limits.frames", !config.limits.frames.is_empty()),
         ("limits.position.rate", config.limits.position.rate != default.limits.position.rate),
     ];
     match given.into_iter().find(|(_, given)| *given) {

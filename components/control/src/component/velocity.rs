@@ -2,17 +2,19 @@
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
+use motorium::state::ControlDiagnostics;
 use motorium_robots::{Gains, Kinematics, Model};
 use nalgebra::DVector;
 
 use super::config::{Feedback, QpControllerConfig};
+use super::diagnostics_output::{DiagnosticsOutput, push_bounds};
 use super::setup::ControllerSetup;
 use super::tasks::{Held, TaskBounds};
 use super::{period_ns, results};
 use crate::{
     DifferentialIk, FeedForward, IkSettings, JointSetpoint, RobotState,
-    limits::{PositionLimit, VelocityLimit},
-    solver::{ActiveSetSettings, ActiveSetSolver},
+    limits::{PositionLimit, RowLimit, VelocityLimit},
+    solver::{ActiveSetSettings, ActiveSetSolver, Sides},
 };
 
 /// A controller that turns targets into joint commands, once per step; see [`DifferentialIk`].
@@ -24,6 +26,7 @@ use crate::{
 pub(super) struct VelocityController {
     joint_state: Input<JointState>,
     joint_command: Output<JointCommand>,
+    diagnostics: DiagnosticsOutput,
     model: Model,
     /// At the joint positions the tasks are evaluated at.
     kinematics: Kinematics,
@@ -34,6 +37,7 @@ pub(super) struct VelocityController {
     tasks: Vec<Held>,
     position: PositionLimit,
     velocity: VelocityLimit,
+    rows: Vec<Box<dyn RowLimit>>,
     ik: DifferentialIk,
     setpoint: JointSetpoint,
     gains: Gains,
@@ -72,18 +76,23 @@ impl VelocityController {
         for Held { level, task, .. } in &mut tasks {
             rows[*level] += task.rows();
         }
+        let limits = parts.row_limits(&config.limits)?;
         let ControllerSetup { model, gains, feed_forward, .. } = parts;
         let mut checkpoint = setup.checkpoint(model.nv())?;
-        let solver = ActiveSetSolver::new(DifferentialIk::structure(&model), ActiveSetSettings::default());
+        let limited = limits.iter().map(|limit| limit.rows()).sum();
+        let structure = DifferentialIk::structure(&model).rows(limited, Sides::Both);
+        let solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
         Ok(Self {
             joint_state: setup.input("joint_state")?,
             joint_command: setup.output("joint_command")?,
+            diagnostics: DiagnosticsOutput::configure(setup)?,
             kinematics: Kinematics::new(&model),
             measured: Kinematics::new(&model),
             q: DVector::zeros(model.nv()),
             tasks,
             position: config.limits.position,
             velocity: config.limits.velocity,
+            rows: limits,
             ik: DifferentialIk::with_solver(solver, IkSettings { damping: config.damping }).levels(&rows),
             setpoint: JointSetpoint::new(&model, &vec![0.0; model.nv()]),
             gains,
@@ -120,13 +129,14 @@ impl VelocityController {
         // where steps were missed, the setpoints go on as the time does: else they would fall back behind the robot
         let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
         self.prepare(dt);
-        self.solve(dt);
+        let solved = self.solve(dt);
         let measured = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };
         for held in &mut self.tasks {
             held.task.record(&measured, dt);
         }
         self.checkpoint.save(self.setpoint.position().iter().copied());
-        self.publish(dt)
+        self.publish(dt)?;
+        self.publish_diagnostics(solved)
     }
 
     pub(super) fn reset(&mut self) {
@@ -181,15 +191,15 @@ impl VelocityController {
 
     /// Applies the current parameters and targets.
     fn prepare(&mut self, dt: f64) {
-        let bounds = TaskBounds { max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
+        let bounds = TaskBounds { dt, max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
         for held in &mut self.tasks {
             held.task.prepare(&bounds);
         }
         self.velocity.fraction = self.velocity_fraction.get();
     }
 
-    /// Moves the setpoint by one tick.
-    fn solve(&mut self, dt: f64) {
+    /// Moves the setpoint by one tick. False without a solution.
+    fn solve(&mut self, dt: f64) -> bool {
         let (kinematics, q) = match self.feedback {
             Feedback::Measured => (&self.measured, self.q.as_slice()),
             Feedback::Setpoint => {
@@ -206,7 +216,14 @@ impl VelocityController {
         }
         self.ik.add_limit(&state, &self.position, dt);
         self.ik.add_limit(&state, &self.velocity, dt);
-        match self.ik.solve() {
+        for limit in &mut self.rows {
+            self.ik.add_row_limit(&state, limit.as_mut(), dt);
+        }
+        self.diagnostics.begin_solve();
+        let velocity = self.ik.solve();
+        self.diagnostics.end_solve();
+        let solved = velocity.is_ok();
+        match velocity {
             Ok(v) => self.setpoint.integrate(v, dt),
             Err(_) => {
                 self.unsolved += 1;
@@ -214,6 +231,23 @@ impl VelocityController {
             }
         }
         self.setpoint.limit_tracking_error(self.q.as_slice(), self.max_lead);
+        solved
+    }
+
+    fn publish_diagnostics(&mut self, solved: bool) -> Result<(), StepError> {
+        let Self { diagnostics, tasks, ik, .. } = self;
+        diagnostics.publish(tasks.len(), |message| {
+            if !solved {
+                return;
+            }
+            let solution = ik.solver().solution();
+            message.status = ControlDiagnostics::SOLVED;
+            message.iterations = solution.iterations;
+            for (residual, held) in message.residual_mut().iter_mut().zip(tasks) {
+                *residual = held.task.task().map_or(0.0, |task| task.residual(ik.velocity()));
+            }
+            push_bounds(message, solution);
+        })
     }
 
     fn publish(&mut self, dt: f64) -> Result<(), StepError> {

@@ -1,7 +1,7 @@
 //! The constraints of one tick.
 
-use super::MotionState;
 use super::control::InverseDynamics;
+use super::{FrictionModel, MotionState};
 
 impl InverseDynamics {
     /// Writes equations of motion, contacts and limits at this state into the problem.
@@ -76,7 +76,7 @@ impl InverseDynamics {
         }
     }
 
-    /// Contacts that do not move, friction pyramids, and forces that only push. One that is not active has no force and holds
+    /// Contacts that do not move, friction pyramids if there are no cones, and forces that only push. One that is not active has no force and holds
     /// nothing still.
     fn pose_contacts(&mut self) {
         let Self { order, problem, contacts, settings, .. } = self;
@@ -109,7 +109,8 @@ impl InverseDynamics {
                 {
                     problem.row_matrix[(row + face, first + axis)] = sign;
                     problem.row_matrix[(row + face, first + 2)] = -friction;
-                    problem.row_upper[row + face] = if place.active { 0.0 } else { f64::INFINITY };
+                    let bounds = place.active && settings.friction_model == FrictionModel::Pyramid;
+                    problem.row_upper[row + face] = if bounds { 0.0 } else { f64::INFINITY };
                 }
                 let most = if place.active { f64::INFINITY } else { 0.0 };
                 for axis in 0..2 {

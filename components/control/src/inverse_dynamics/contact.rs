@@ -44,6 +44,9 @@ pub struct Contact {
     pub friction: f64,
     /// Largest normal force at each of its points \[N\]. Default infinite.
     pub max_force: f64,
+    /// Distance that the centre of pressure of a sole keeps from its edges \[m\]: forces act at the corners of a rectangle that is
+    /// smaller by it on each side. At most half of the shorter side counts. Default 0: the sole is about to tip at its edge.
+    pub margin: f64,
     /// Normal of the world's surface, of a point or a ball; a sole has that of its frame. Default up.
     pub normal: Vector3<f64>,
 }
@@ -59,8 +62,8 @@ pub enum ContactError {
 impl Contact {
     /// A contact of this frame and shape, with the defaults of its other fields.
     pub fn new(name: impl Into<String>, frame: FrameId, shape: ContactShape) -> Self {
-        let (friction, max_force, normal) = (0.6, f64::INFINITY, Vector3::z());
-        Self { name: name.into(), frame, shape, friction, max_force, normal }
+        let (friction, max_force, margin, normal) = (0.6, f64::INFINITY, 0.0, Vector3::z());
+        Self { name: name.into(), frame, shape, friction, max_force, margin, normal }
     }
 
     /// The contact of a foot of the robot's profile: a sole, a ball, or a point.
@@ -98,7 +101,8 @@ impl Contact {
         match self.shape {
             ContactShape::Point => Vector3::zeros(),
             ContactShape::Ball { radius } => self.normal * -radius,
-            ContactShape::Sole { sides: [x, y] } => {
+            ContactShape::Sole { sides } => {
+                let [x, y] = sides.map(|side| (side - 2.0 * self.margin).max(0.0));
                 let (x, y) = ([0.5, 0.5, -0.5, -0.5][point] * x, [0.5, -0.5, -0.5, 0.5][point] * y);
                 axes * Vector3::new(x, y, 0.0)
             }

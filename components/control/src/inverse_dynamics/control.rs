@@ -1,20 +1,18 @@
 //! Assembly and solution of one tick of inverse dynamics.
 
 use motorium_robots::{Dynamics, Model, Twist};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Vector3};
 
-use super::contact::{Contact, ContactPlace};
+use super::contact::{Contact, ContactPlace, ContactShape};
 use super::names::{Conflicting, Order};
-use super::outcome::{InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution};
+use super::outcome::{FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution};
 use super::relaxed::Relaxed;
+use super::solver::FirstLevel;
 use super::tasks::AccelerationTask;
 use super::{JointAccelerationLimits, MotionState};
 use crate::ik::IkError;
 use crate::levels::{Freedom, Level, LevelSolver, Rows};
-use crate::solver::{
-    ActiveSetSettings, ActiveSetSolver, Constraint, Problem, QpSolver, Side, Sides, Solution, SolveError,
-    Structure,
-};
+use crate::solver::{Problem, Sides, Solution, SolveError, Structure};
 
 /// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of task costs within all
 /// constraints, and the torques for them; see the [module](super). Nothing allocates after construction.
@@ -28,7 +26,7 @@ pub struct InverseDynamics {
     pub(super) mass: DMatrix<f64>,
     pub(super) bias: DVector<f64>,
     pub(super) problem: Problem,
-    solver: ActiveSetSolver,
+    solver: FirstLevel,
     relaxed: Option<Relaxed>,
     below: Option<Below>,
     /// Accelerations, then forces.
@@ -65,7 +63,8 @@ impl InverseDynamics {
         let order = Order { base: nv - joints, velocities: nv, joints, motions, points };
         let mut structure =
             Structure::new(order.variables()).equalities(order.equalities()).rows(joints, Sides::Both);
-        structure = structure.rows(4 * order.points.len(), Sides::Upper);
+        let cones = settings.friction_model == FrictionModel::Cone;
+        structure = structure.rows(4 * order.points.len(), FirstLevel::faces(cones));
         for variable in order.base..order.variables() {
             structure = structure.bound(variable, Sides::Both);
         }
@@ -76,7 +75,11 @@ impl InverseDynamics {
             mass: DMatrix::zeros(nv, nv),
             bias: DVector::zeros(nv),
             problem: Problem::new(&structure),
-            solver: ActiveSetSolver::new(structure, ActiveSetSettings::default()),
+            solver: if cones {
+                FirstLevel::cones(structure, &order)
+            } else {
+                FirstLevel::pyramids(structure)
+            },
             below: None,
             x: DVector::zeros(order.variables()),
             solution: InverseDynamicsSolution {
@@ -96,8 +99,13 @@ impl InverseDynamics {
 
     /// Levels of strict priority, the highest first; for each the number of rows that its tasks have together, the most that it
     /// ever has ([`AccelerationTask::rows`]). A tick that has to be relaxed decides the first level only.
+    ///
+    /// # Panics
+    /// If there is more than one level, and friction is a [cone](FrictionModel::Cone).
     #[must_use]
     pub fn levels(mut self, rows: &[usize]) -> Self {
+        let pyramids = self.settings.friction_model == FrictionModel::Pyramid;
+        assert!(pyramids || rows.len() <= 1, "friction cones have one level of tasks");
         let (variables, equalities) = (self.order.variables(), self.order.equalities());
         self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
             first: Rows::new(variables, first + equalities),
@@ -163,13 +171,15 @@ impl InverseDynamics {
     /// # Errors
     /// [`InverseDynamicsError`]: nothing satisfies all constraints and nothing may be relaxed, or the solver reached its limit.
     pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
-        self.solver.update(&self.problem)?;
+        self.solver.update(&self.problem, &self.contacts)?;
         (self.solution.slack, self.solution.undecided) = (None, 0);
         match self.solver.solve() {
             Ok(found) => {
                 self.x.copy_from(&found.x);
                 self.solution.iterations = found.iterations;
-                self.solution.active = active(found);
+                let mut active = 0;
+                self.visit_active(&mut |_| active += 1);
+                self.solution.active = active;
                 self.solve_below()?;
             }
             Err(error) => {
@@ -255,9 +265,32 @@ impl InverseDynamics {
         wrench
     }
 
+    /// Centre of pressure of a sole \[m\] along x and y of its frame, from the frame's origin, at the last solution: the point about
+    /// which its normal forces have no torque. `None` for a contact of another shape, and for one without a force.
+    ///
+    /// On level ground it is what is called the zero-moment point of the foot. It stays within the sole, less its
+    /// [margin](Contact::margin), since the forces at the corners only push.
+    pub fn centre_of_pressure(&self, contact: usize) -> Option<[f64; 2]> {
+        let place = &self.contacts[contact];
+        let ContactShape::Sole { .. } = place.contact.shape else { return None };
+        let (mut normal, mut moment) = (0.0, Vector3::zeros());
+        for (point, arm) in place.arms.iter().enumerate() {
+            let force = self.solution.forces[3 * (place.first_point + point) + 2];
+            normal += force;
+            moment += place.axes.tr_mul(arm) * force;
+        }
+        (normal > 0.0).then(|| [moment.x / normal, moment.y / normal])
+    }
+
     /// The contacts, in the order they were given.
     pub fn contacts(&self) -> impl ExactSizeIterator<Item = &Contact> {
         self.contacts.iter().map(|place| &place.contact)
+    }
+
+    /// Number of a point of a contact among those of all contacts: the place of its force in the
+    /// [forces](InverseDynamicsSolution::forces), in threes.
+    pub fn point_number(&self, contact: usize, point: usize) -> usize {
+        self.contacts[contact].first_point + point
     }
 
     /// Makes a contact active or not from the next [`begin`](Self::begin) on.
@@ -313,19 +346,11 @@ impl InverseDynamics {
 
     /// Calls `visit` with each constraint, other than equalities, that has a force on the solution of the first level.
     pub fn visit_active(&self, visit: &mut dyn FnMut(super::ConstraintName)) {
-        let found = self.solver.solution();
-        let side = |dual: f64| if dual > 0.0 { Side::Upper } else { Side::Lower };
-        let rows =
-            found.row_dual.iter().enumerate().map(|(row, dual)| (Constraint::Row(row, side(*dual)), *dual));
-        let bounds = found.bound_dual.iter().enumerate();
-        let bounds = bounds.map(|(bound, dual)| (Constraint::Bound(bound, side(*dual)), *dual));
-        for (constraint, dual) in rows.chain(bounds) {
-            if dual != 0.0
-                && let Some(name) = self.order.name(constraint)
-            {
+        self.solver.visit_active(&mut |constraint| {
+            if let Some(name) = self.order.name(constraint) {
                 visit(name);
             }
-        }
+        });
     }
 
     /// Forgets the tick before, at the beginning of an episode.

@@ -13,7 +13,7 @@
 //!
 //! with the mass matrix `M`, the bias `h = C(q, v) v + g(q)`, and the Jacobian `J` of the contact points. The torques
 //! `tau = M_a a - J_a' f + h_a` are eliminated: they are computed from the solution. The friction pyramid lies inside Coulomb's
-//! cone.
+//! cone; the cone itself may [take its place](FrictionModel).
 //!
 //! - [`tasks`] are costs on `a` or `f`, weighed against one another or in [levels](InverseDynamics::levels).
 //! - [`Contact`] is a point, a ball or a sole that stands on the world.
@@ -69,13 +69,16 @@ mod joints;
 mod names;
 mod outcome;
 mod relaxed;
+mod solver;
 pub mod tasks;
 
 pub use contact::{Contact, ContactError, ContactShape};
 pub use control::InverseDynamics;
 pub use joints::JointAccelerationLimits;
 pub use names::{Conflicting, ConstraintName};
-pub use outcome::{InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack};
+pub use outcome::{
+    FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack,
+};
 
 use motorium_robots::{Kinematics, Model};
 

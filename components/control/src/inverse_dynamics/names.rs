@@ -29,7 +29,7 @@ pub enum ConstraintName {
         /// Which limit.
         side: Side,
     },
-    /// Face of the friction pyramid of a contact point.
+    /// Friction cone of a contact point, or a face of its pyramid.
     Friction {
         /// Index of the contact.
         contact: usize,
@@ -164,6 +164,10 @@ impl Order {
             }
             Constraint::Row(row, _) => {
                 let (contact, point) = *self.points.get((row - self.joints) / 4)?;
+                Some(ConstraintName::Friction { contact, point })
+            }
+            Constraint::Cone(point) => {
+                let (contact, point) = *self.points.get(point)?;
                 Some(ConstraintName::Friction { contact, point })
             }
             Constraint::Bound(variable, side) if variable < self.velocities => {

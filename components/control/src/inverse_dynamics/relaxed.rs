@@ -61,6 +61,13 @@ impl Relaxed {
         problem.row_matrix.view_mut((0, 0), (rows, variables)).copy_from(&posed.row_matrix);
         problem.row_lower.rows_mut(0, rows).copy_from(&posed.row_lower);
         problem.row_upper.rows_mut(0, rows).copy_from(&posed.row_upper);
+        // friction cones become the pyramids inside them, for which this solver is made
+        for point in 0..order.points.len() {
+            let normal = order.velocities + 3 * point + 2;
+            if posed.upper[normal] > 0.0 {
+                problem.row_upper.rows_mut(joints + 4 * point, 4).fill(0.0);
+            }
+        }
         problem.row_lower.rows_mut(rows, joints).copy_from(&posed.lower.rows(order.base, joints));
         problem.row_upper.rows_mut(rows, joints).copy_from(&posed.upper.rows(order.base, joints));
         for variable in order.velocities..variables {

@@ -1,15 +1,21 @@
 //! Limits of the commanded motion: bounds on the joint velocities ([`Limit`]) or on combinations of them ([`RowLimit`]).
 
+mod cartesian_position;
 mod cartesian_velocity;
+mod centre_of_mass_velocity;
 mod collision;
 mod position;
 mod rows;
+mod support;
 mod velocity;
 
+pub use cartesian_position::CartesianPositionLimit;
 pub use cartesian_velocity::CartesianVelocityLimit;
+pub use centre_of_mass_velocity::CentreOfMassVelocityLimit;
 pub use collision::{CollisionLimit, CollisionSettings};
 pub use position::PositionLimit;
 pub use rows::{LimitRows, RowLimit};
+pub use support::{SupportLimit, Supported};
 pub use velocity::VelocityLimit;
 
 use crate::{RobotState, solver::Problem};

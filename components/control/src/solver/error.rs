@@ -13,6 +13,8 @@ pub enum Constraint {
     Row(usize, Side),
     /// Bound of a variable, on one side.
     Bound(usize, Side),
+    /// Friction cone, see [`ClarabelSolver::with_cones`](super::ClarabelSolver::with_cones).
+    Cone(usize),
 }
 
 impl fmt::Display for Constraint {
@@ -23,6 +25,7 @@ impl fmt::Display for Constraint {
             Self::Row(i, Side::Upper) => write!(f, "upper side of row {i}"),
             Self::Bound(i, Side::Lower) => write!(f, "lower bound of variable {i}"),
             Self::Bound(i, Side::Upper) => write!(f, "upper bound of variable {i}"),
+            Self::Cone(i) => write!(f, "cone {i}"),
         }
     }
 }

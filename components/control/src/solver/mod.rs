@@ -21,7 +21,7 @@ mod solution;
 mod structure;
 
 pub use self::active_set::{ActiveSetSettings, ActiveSetSolver};
-pub use self::clarabel::{ClarabelSettings, ClarabelSolver};
+pub use self::clarabel::{ClarabelSettings, ClarabelSolver, FrictionCone};
 pub use error::{Conflict, Constraint, SolveError, UpdateError};
 pub use kkt::KktResidual;
 pub use problem::Problem;

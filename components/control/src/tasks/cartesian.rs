@@ -3,7 +3,7 @@
 use motorium_robots::{FrameId, Model, Reference, Twist, lie::se3};
 use nalgebra::{Isometry3, Matrix6xX, Vector6};
 
-use super::{Rows, Task};
+use super::{Rows, Task, residual};
 use crate::{RobotState, solver::Problem};
 
 /// Gains and weights of a [`CartesianTask`].
@@ -187,6 +187,12 @@ impl Task for CartesianTask {
             let rotated = derivative * column.fixed_rows::<6>(0);
             column.copy_from(&rotated);
         }
+    }
+
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        let weights = self.weights();
+        let counted = (0..6).filter(|axis| weights[*axis] > 0.0);
+        residual(counted, &self.jacobian, self.desired.as_slice(), velocity)
     }
 
     fn add_to(&self, problem: &mut Problem) {

@@ -3,7 +3,7 @@
 use motorium_robots::Model;
 use nalgebra::{Matrix3xX, Vector3};
 
-use super::{Rows, Task};
+use super::{Rows, Task, residual};
 use crate::{RobotState, solver::Problem};
 
 /// Gain and weights of a [`CentreOfMassTask`].
@@ -155,6 +155,12 @@ impl Task for CentreOfMassTask {
         self.error = self.target - state.kinematics.centre_of_mass(state.model).position;
         self.desired = self.correction() + self.velocity;
         state.kinematics.com_jacobian(state.model, &mut self.jacobian);
+    }
+
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        let squared = self.squared_weights();
+        let counted = (0..3).filter(|axis| squared[*axis] > 0.0);
+        residual(counted, &self.jacobian, self.desired.as_slice(), velocity)
     }
 
     fn add_to(&self, problem: &mut Problem) {

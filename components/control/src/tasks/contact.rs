@@ -60,6 +60,10 @@ impl Task for ContactTask {
         self.cost.weights_mut().fixed_rows_mut::<3>(3).fill(turning);
     }
 
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        self.cost.residual(velocity)
+    }
+
     fn add_to(&self, problem: &mut Problem) {
         self.cost.add_to(problem);
     }

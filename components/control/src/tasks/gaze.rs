@@ -3,7 +3,7 @@
 use motorium_robots::{FrameId, Model, Reference};
 use nalgebra::{Matrix3xX, Matrix6xX, Unit, Vector3};
 
-use super::{Rows, Task};
+use super::{Rows, Task, residual};
 use crate::{RobotState, solver::Problem};
 
 /// The least distance from the frame's origin to the point that is reckoned with \[m\]: nearer, every direction is right.
@@ -168,7 +168,7 @@ impl GazeTask {
 
     /// The angle between the axis and the direction to the point in a state \[rad\].
     pub fn angle_at(&self, state: &RobotState<'_>) -> f64 {
-        turn(&self.axis, &self.direction(state).0).norm()
+        least_turn(&self.axis, &self.direction(state).0).norm()
     }
 
     /// `gain e`, slowed to the largest speed.
@@ -180,7 +180,7 @@ impl GazeTask {
 }
 
 /// The rotation vector of the least turn from one unit vector to another \[rad\].
-fn turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
+pub(crate) fn least_turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Vector3<f64> {
     let normal = from.cross(to);
     let (sine, cosine) = (normal.norm(), from.dot(to));
     if sine > 1e-9 {
@@ -201,7 +201,7 @@ impl Task for GazeTask {
 
     fn update(&mut self, state: &RobotState<'_>) {
         let (direction, distance) = self.direction(state);
-        self.error = turn(&self.axis, &direction);
+        self.error = least_turn(&self.axis, &direction);
         let pose = state.kinematics.pose(state.model, self.frame);
         let velocity = pose.rotation.inverse() * self.velocity;
         self.desired = self.correction() + direction.cross(&velocity) / distance;
@@ -211,6 +211,11 @@ impl Task for GazeTask {
             let across = angular - direction * direction.dot(&angular);
             row.copy_from(&(across + direction.cross(&linear) / distance));
         }
+    }
+
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        let counted = if self.settings.weight > 0.0 { 0..3 } else { 0..0 };
+        residual(counted, &self.jacobian, self.desired.as_slice(), velocity)
     }
 
     fn add_to(&self, problem: &mut Problem) {

@@ -61,6 +61,10 @@ impl Task for ManipulabilityTask {
         self.cost.weights_mut().fill(self.weight);
     }
 
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        self.cost.residual(velocity)
+    }
+
     fn add_to(&self, problem: &mut Problem) {
         self.cost.add_to(problem);
     }

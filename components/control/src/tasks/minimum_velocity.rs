@@ -57,6 +57,10 @@ impl Task for MinimumVelocityTask {
         }
     }
 
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        self.cost.residual(velocity)
+    }
+
     fn add_to(&self, problem: &mut Problem) {
         self.cost.add_to(problem);
     }

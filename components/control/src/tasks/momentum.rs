@@ -69,6 +69,10 @@ impl Task for MomentumTask {
         self.cost.weights_mut().fixed_rows_mut::<3>(3).fill(self.angular_weight);
     }
 
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        self.cost.residual(velocity)
+    }
+
     fn add_to(&self, problem: &mut Problem) {
         self.cost.add_to(problem);
     }

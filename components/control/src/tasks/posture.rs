@@ -115,6 +115,12 @@ impl Task for PostureTask {
         }
     }
 
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        let counted = (0..self.error.len()).filter(|joint| self.settings.weight * self.shares[*joint] != 0.0);
+        let of_joint = |joint: usize| velocity[self.first + joint] - self.settings.gain * self.error[joint];
+        counted.map(|joint| of_joint(joint).powi(2)).sum::<f64>().sqrt()
+    }
+
     fn add_to(&self, problem: &mut Problem) {
         for (joint, error) in self.error.iter().enumerate() {
             let weight = self.settings.weight * self.shares[joint];

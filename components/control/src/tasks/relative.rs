@@ -120,6 +120,10 @@ impl Task for RelativeTask {
         self.cost.weights_mut().fixed_rows_mut::<3>(3).fill(orientation_weight);
     }
 
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        self.cost.residual(velocity)
+    }
+
     fn add_to(&self, problem: &mut Problem) {
         self.cost.add_to(problem);
     }

@@ -198,6 +198,37 @@ fn a_centre_of_mass_without_a_target_stays_where_it_was_at_the_start() {
 }
 
 #[test]
+fn a_hand_stays_within_its_box_and_its_speed_whatever_its_target_is() {
+    let limited =
+        |limits: &str| run(graph("{}", Targets::default(), controller(&format!("{{ limits = {limits} }}"))));
+    let free = place(&run(graph("{}", Targets::default(), controller("{}"))).results["plant"]["hand"]);
+    let wall = free[1] + 0.05;
+    let boxed = limited(&format!("{{ frames = [{{ y = [{wall}, 10.0] }}] }}"));
+    let hand = place(&boxed.results["plant"]["hand"]);
+    assert!(hand[1] > wall - 1e-4 && hand[1] < wall + 2e-3, "{hand:?}, free {free:?}");
+    // what the box leaves open it does
+    assert!((hand[0] - free[0]).abs() < 1e-2 && (hand[2] - free[2]).abs() < 1e-2, "{hand:?}, free {free:?}");
+    assert_eq!(boxed.results["controller"]["steps_without_solution"], 0);
+    let component = boxed.components.iter().find(|component| component.name == "controller").unwrap();
+    assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
+    // at 0.05 m/s it has not come far in 4 s
+    let slow = place(&limited("{ frames = [{ max_linear = 0.05 }] }").results["plant"]["hand"]);
+    let start = place(&run(graph("{}", resting(), controller("{}"))).results["plant"]["hand"]);
+    for axis in 0..3 {
+        assert!((slow[axis] - start[axis]).abs() < 0.05 * 4.0 + 1e-3, "{slow:?}");
+    }
+    assert_refused("{ limits = { frames = [{}] } }", &["limits.frames[0].frame", "limits nothing"]);
+    assert_refused(
+        "{ limits = { frames = [{ z = [0.5, 0.4] }] } }",
+        &["limits.frames[0].z", "from 0.5 to 0.4"],
+    );
+    assert_refused(
+        "{ inverse_dynamics = {}, limits = { frames = [{ max_linear = 1.0 }] } }",
+        &["limits.frames"],
+    );
+}
+
+#[test]
 fn commands_carry_the_gains_of_the_profile_or_those_configured() {
     let profile = run(graph("{}", Targets::default(), controller("{}")));
     let gains = motorium_robots::load("panda", Path::new(".")).unwrap();

@@ -27,6 +27,10 @@ impl Task for Numbers {
 
     fn update(&mut self, _: &RobotState<'_>) {}
 
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        (&self.a * DVector::from_column_slice(velocity) - &self.b).norm()
+    }
+
     fn add_to(&self, problem: &mut Problem) {
         problem.hessian += self.a.transpose() * &self.a;
         problem.gradient -= self.a.transpose() * &self.b;

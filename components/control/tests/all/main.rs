@@ -1,7 +1,9 @@
 //! Tests of the control crate: tasks, solver, inverse kinematics, and `control.qp` in a graph.
 
+mod admittance;
 mod allocations;
 mod component;
+mod diagnostics;
 mod feed_forward;
 mod gaze;
 mod graph;

@@ -82,10 +82,6 @@ fn configurations_of_torques_that_cannot_work_are_refused_by_their_key() {
     refused(with(&torques("braking = 0.0")), &["inverse_dynamics.braking"]);
     refused(with(&torques("max_acceleration = 1.0")), &["inverse_dynamics.max_acceleration", "from 20"]);
     refused(with("{ inverse_dynamics = {}, inertia_compensation = true }"), &["inertia_compensation"]);
-    refused(
-        with("{ inverse_dynamics = {}, tasks = [{ gaze = {} }] }"),
-        &["tasks[0].gaze", "no acceleration"],
-    );
     refused(with("{ tasks = [{ momentum = {} }] }"), &["tasks[0].momentum", "needs `inverse_dynamics`"]);
 }
 

@@ -2,8 +2,12 @@
 
 mod closed_loop;
 mod constraints;
+mod friction;
+mod limits;
+mod points;
 mod robots;
 mod tasks;
 mod velocity;
+mod wrenches;
 
 motorium::count_allocations!();

@@ -22,7 +22,7 @@ const H: f64 = 1e-5;
 const ROBOTS: [&str; 3] = ["panda", "humanoid", "quadruped"];
 
 /// `A x - b` of all rows.
-fn rows(cost: &Cost, x: &DVector<f64>) -> DVector<f64> {
+pub(crate) fn rows(cost: &Cost, x: &DVector<f64>) -> DVector<f64> {
     let mut one = cost.clone();
     DVector::from_fn(cost.rows(), |row, _| {
         one.weights_mut().fill(0.0);

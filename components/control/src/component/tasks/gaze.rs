@@ -5,7 +5,9 @@ use nalgebra::{Unit, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Formulations, GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::feedback;
+use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use crate::inverse_dynamics::tasks::{AccelerationTask, GazeAcceleration};
 use crate::tasks::{GazeSettings, GazeTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
@@ -86,10 +88,6 @@ impl TaskKind for GazeConfig {
         self.level
     }
 
-    fn formulations(&self) -> Formulations {
-        Formulations::Velocity
-    }
-
     fn target(&self) -> Option<&str> {
         Some(&self.target)
     }
@@ -118,7 +116,10 @@ impl TaskKind for GazeConfig {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
         let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        let twin = GazeAcceleration::new(place.model, task.frame(), *task.axis(), feedback(self.gain))
+            .max_speed(task.settings().max_speed);
         Ok(Box::new(Gaze {
+            acceleration: place.torque.then_some(twin),
             task,
             input,
             gain: parameter("gain")?,
@@ -135,6 +136,7 @@ impl TaskKind for GazeConfig {
 /// An axis that points at the positions of one input.
 struct Gaze {
     task: GazeTask,
+    acceleration: Option<GazeAcceleration>,
     input: Input<PoseTarget>,
     gain: Parameter<f64>,
     weight: Parameter<f64>,
@@ -147,7 +149,11 @@ impl HeldTask for Gaze {
         if self.current.is_none() {
             let pose = start.kinematics.pose(start.model, self.task.frame());
             let ahead = pose.rotation * self.task.axis().into_inner();
-            self.task.set_target(pose.translation.vector + ahead * FAR);
+            let far = pose.translation.vector + ahead * FAR;
+            self.task.set_target(far);
+            if let Some(twin) = &mut self.acceleration {
+                twin.set_target(far);
+            }
         }
     }
 
@@ -162,15 +168,25 @@ impl HeldTask for Gaze {
             weight: self.weight.get(),
             ..*self.task.settings()
         });
+        if let Some(twin) = &mut self.acceleration {
+            twin.set(feedback(self.task.settings().gain), self.task.settings().weight);
+        }
         let Some(reading) = self.input.latest() else { return };
         let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
         let velocity = if fresh { Vector3::from(target.linear_velocity) } else { Vector3::zeros() };
         self.task.set_moving_target(Vector3::from(target.position), velocity);
+        if let Some(twin) = &mut self.acceleration {
+            twin.set_moving_target(Vector3::from(target.position), velocity);
+        }
         self.current = Some(target);
     }
 
     fn task(&mut self) -> Option<&mut dyn Task> {
         Some(&mut self.task)
+    }
+
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        self.acceleration.as_mut().map(|task| task as &mut dyn AccelerationTask)
     }
 
     fn record(&mut self, measured: &RobotState<'_>, dt: f64) {

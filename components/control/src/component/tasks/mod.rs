@@ -3,12 +3,16 @@
 //! A file holds the configuration of its kind, which implements [`TaskKind`], and the running task, which implements
 //! [`HeldTask`]. The controller knows only these two traits.
 
+mod admittance;
+mod capture_point;
 mod cartesian;
 mod centre_of_mass;
 mod gaze;
 mod momentum;
 mod posture;
 
+pub use admittance::AdmittanceConfig;
+pub use capture_point::CapturePointConfig;
 pub use cartesian::CartesianConfig;
 pub use centre_of_mass::CentreOfMassConfig;
 pub use gaze::GazeConfig;
@@ -55,6 +59,10 @@ macro_rules! task_kinds {
 }
 
 task_kinds! {
+    /// A frame gives way to a measured wrench, like a mass on a spring and a damper.
+    "admittance" => Admittance(AdmittanceConfig),
+    /// The point at which the robot would have to step to come to rest follows a point; torques only.
+    "capture_point" => CapturePoint(CapturePointConfig),
     /// A frame follows a pose target.
     "cartesian" => Cartesian(CartesianConfig),
     /// The centre of mass follows a point.
@@ -80,6 +88,11 @@ pub(super) trait TaskKind {
         None
     }
 
+    /// Name of the input of a measured wrench, if it has one.
+    fn wrench(&self) -> Option<&str> {
+        None
+    }
+
     /// The formulations that the task has.
     fn formulations(&self) -> Formulations {
         Formulations::Both
@@ -101,8 +114,6 @@ pub(super) trait TaskKind {
 pub(super) enum Formulations {
     /// Velocities and torques.
     Both,
-    /// Velocities alone.
-    Velocity,
     /// Torques alone.
     Torque,
 }
@@ -217,6 +228,8 @@ pub(super) trait HeldTask {
 /// Bounds that a controller sets to its tasks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TaskBounds {
+    /// Time since the step before, s.
+    pub(super) dt: f64,
     /// The largest gain: half the tick rate, 1/s.
     pub(super) max_gain: f64,
     /// Age from which a target counts as standing still, ns.

@@ -8,7 +8,9 @@ use serde::Deserialize;
 
 use crate::component::checks::in_range;
 use crate::component::config::QpControllerConfig;
-use crate::inverse_dynamics::{Contact, ContactShape, InverseDynamicsSettings, JointAccelerationLimits};
+use crate::inverse_dynamics::{
+    Contact, ContactShape, FrictionModel, InverseDynamicsSettings, JointAccelerationLimits,
+};
 
 /// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot of the catalogue with
 /// feet the table may stay empty.
@@ -42,6 +44,8 @@ pub struct InverseDynamicsConfig {
     /// Time from the start for which the drives hold their positions by all of kp and kd besides the torques, while their actuator
     /// comes out of its safe state; the gains then fall to `impedance` in half of that time. Default 600 ms.
     pub stiff_start: TimeSpan,
+    /// Form of the friction of all contacts. Default "pyramid".
+    pub friction_model: FrictionModel,
     /// Course of action where nothing satisfies all constraints. Default "relax".
     pub on_infeasible: InfeasiblePolicy,
 }
@@ -60,6 +64,7 @@ impl Default for InverseDynamicsConfig {
             contact_ramp: TimeSpan { ns: 200_000_000 },
             impedance: 0.0,
             stiff_start: TimeSpan { ns: 600_000_000 },
+            friction_model: FrictionModel::Pyramid,
             on_infeasible: InfeasiblePolicy::Relax,
         }
     }
@@ -93,6 +98,8 @@ pub struct ContactConfig {
     pub friction: Option<f64>,
     /// Largest normal force at each point of the contact, N. Default: no limit.
     pub max_force: Option<f64>,
+    /// Distance that the centre of pressure of a sole keeps from its edges, m, less than half of its shorter side. Default 0.
+    pub margin: Option<f64>,
 }
 
 impl InverseDynamicsConfig {
@@ -141,6 +148,7 @@ impl InverseDynamicsConfig {
                 margin: config.limits.position.margin,
                 velocity_fraction: config.limits.velocity.fraction,
             },
+            friction_model: self.friction_model,
             joint_damping: in_range(&key("joint_damping"), self.joint_damping, 0.0..=1.0)?,
             torque_fraction: in_range(&key("torque_fraction"), self.torque_fraction, 1e-6..=1.0)?,
             relaxation: match self.on_infeasible {
@@ -205,6 +213,19 @@ impl ContactConfig {
         }
         if let Some(friction) = self.friction {
             contact.friction = in_range(&key("friction"), friction, 1e-3..=10.0)?;
+        }
+        if let Some(margin) = self.margin {
+            let ContactShape::Sole { sides } = contact.shape else {
+                return Err(ConfigError::key(key("margin"), "of a contact that is no sole"));
+            };
+            let half = 0.5 * sides[0].min(sides[1]);
+            contact.margin = in_range(&key("margin"), margin, 0.0..=f64::MAX)?;
+            if margin >= half {
+                let message =
+                    format!("{margin} m leaves nothing of a sole of {} m by {} m", sides[0], sides[1]);
+                return Err(ConfigError::key(key("margin"), message)
+                    .advise(format!("less than half of its shorter side, {half} m")));
+            }
         }
         if let Some(force) = self.max_force {
             contact.max_force = in_range(&key("max_force"), force, 1e-3..=1e9)?;

@@ -7,14 +7,17 @@ pub use config::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig};
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
+use motorium::state::ControlDiagnostics;
 use motorium_robots::{Gains, Kinematics, Model};
 
 use super::config::QpControllerConfig;
+use super::diagnostics_output::{DiagnosticsOutput, push_name};
 use super::setup::ControllerSetup;
 use super::tasks::{Held, TaskBounds};
 use super::{period_ns, results};
 use crate::inverse_dynamics::{
-    InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, JointAccelerationLimits, MotionState,
+    Conflicting, FrictionModel, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings,
+    JointAccelerationLimits, MotionState,
 };
 use crate::{JointSetpoint, RobotState};
 use diagnostics::Diagnostics;
@@ -30,6 +33,7 @@ pub(super) struct TorqueController {
     joint_state: Input<JointState>,
     base_state: Option<Input<BaseState>>,
     joint_command: Output<JointCommand>,
+    output: DiagnosticsOutput,
     model: Model,
     /// At the measured state.
     kinematics: Kinematics,
@@ -62,6 +66,8 @@ pub(super) struct TorqueController {
     last_ns: Option<u64>,
     /// True while the last step had no solution.
     failing: bool,
+    /// The constraints that left the last step without a solution.
+    conflict: Option<Conflicting>,
     diagnostics: Diagnostics,
 }
 
@@ -81,6 +87,11 @@ impl TorqueController {
         declare: &mut Declare,
     ) -> Result<(), ConfigError> {
         config.settings(&QpControllerConfig::default())?;
+        if config.friction_model == FrictionModel::Cone && parts.levels().count() > 1 {
+            let message = "\"cone\", where the tasks have several levels";
+            return Err(ConfigError::key("inverse_dynamics.friction_model", message)
+                .advise("give all tasks the same `level`, or take \"pyramid\""));
+        }
         for contact in config.contacts(&parts.model, parts.profile.as_ref())? {
             let doc = "share of its load that the contact may carry: 0 lifts it, ramped";
             declare.float(&format!("{}_contact", contact.name), 1.0, 0.0..=1.0, "", doc);
@@ -121,6 +132,7 @@ impl TorqueController {
             joint_state: setup.input("joint_state")?,
             base_state: if floating { Some(setup.input("base_state")?) } else { None },
             joint_command: setup.output("joint_command")?,
+            output: DiagnosticsOutput::configure(setup)?,
             kinematics: Kinematics::new(&model),
             q: model.neutral(),
             v: vec![0.0; model.nv()],
@@ -148,6 +160,7 @@ impl TorqueController {
             state_ns: 0,
             last_ns: None,
             failing: false,
+            conflict: None,
             model,
         })
     }
@@ -172,9 +185,10 @@ impl TorqueController {
         }
         self.diagnostics.place(self.kinematics.centre_of_mass(&self.model).position);
         match (solved, self.policy) {
-            (false, InfeasiblePolicy::SafeStop) => Ok(()),
-            (solved, _) => self.publish(solved),
+            (false, InfeasiblePolicy::SafeStop) => {}
+            (solved, _) => self.publish(solved)?,
         }
+        self.publish_diagnostics(solved)
     }
 
     /// Reads the newest state of joints and base. False without a fresh one.
@@ -228,7 +242,7 @@ impl TorqueController {
 
     /// Applies the current parameters and targets.
     fn prepare(&mut self, dt: f64) {
-        let bounds = TaskBounds { max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
+        let bounds = TaskBounds { dt, max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
         for held in &mut self.tasks {
             held.task.prepare(&bounds);
         }
@@ -253,7 +267,11 @@ impl TorqueController {
                 self.control.add_task(&state, held.level, task);
             }
         }
-        let solution = match self.control.solve() {
+        self.output.begin_solve();
+        let solved = self.control.solve();
+        self.output.end_solve();
+        self.conflict = None;
+        let solution = match solved {
             Ok(solution) => solution,
             Err(error) => {
                 let conflict = match error {
@@ -261,6 +279,7 @@ impl TorqueController {
                     _ => None,
                 };
                 self.diagnostics.failed(conflict);
+                self.conflict = conflict;
                 if !std::mem::replace(&mut self.failing, true) {
                     self.reference.reset(self.model.joints_of_q(&self.q));
                 }
@@ -287,6 +306,34 @@ impl TorqueController {
         self.reference.integrate(&self.reference_velocity, dt);
         self.reference.limit_tracking_error(self.model.joints_of_q(&self.q), self.max_lead);
         true
+    }
+
+    fn publish_diagnostics(&mut self, solved: bool) -> Result<(), StepError> {
+        let Self { output, tasks, control, conflict, .. } = self;
+        output.publish(tasks.len(), |message| {
+            let solution = control.solution();
+            let slack = solution.slack.filter(|_| solved);
+            for name in slack.map(|slack| slack.conflict).or(*conflict).iter().flat_map(Conflicting::names) {
+                push_name(message, control, name);
+            }
+            if !solved {
+                return;
+            }
+            (message.iterations, message.undecided) = (solution.iterations, solution.undecided);
+            for (residual, held) in message.residual_mut().iter_mut().zip(tasks) {
+                *residual = held.task.acceleration().map_or(0.0, |task| control.residual(task));
+            }
+            match slack {
+                Some(slack) => {
+                    message.status = ControlDiagnostics::RELAXED;
+                    (message.contact_slack, message.joint_slack) = (slack.contact, slack.joint);
+                }
+                None => {
+                    message.status = ControlDiagnostics::SOLVED;
+                    control.visit_active(&mut |name| push_name(message, control, name));
+                }
+            }
+        })
     }
 
     fn publish(&mut self, solved: bool) -> Result<(), StepError> {

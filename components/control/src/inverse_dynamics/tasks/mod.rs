@@ -1,18 +1,26 @@
 //! Tasks of inverse dynamics, each as a least-squares cost on accelerations or contact forces.
 
+mod acceleration;
+mod capture_point;
 mod cartesian;
 mod centre_of_mass;
 mod force;
+mod gaze;
 mod momentum;
 mod posture;
 mod torque;
+mod wrench;
 
+pub use acceleration::AccelerationMinimum;
+pub use capture_point::CapturePoint;
 pub use cartesian::{CartesianAcceleration, CartesianWeights};
 pub use centre_of_mass::CentreOfMassAcceleration;
 pub use force::{ContactForce, ForceRegularisation};
+pub use gaze::GazeAcceleration;
 pub use momentum::MomentumRate;
 pub use posture::PostureAcceleration;
 pub use torque::TorqueMinimum;
+pub use wrench::ContactWrench;
 
 use nalgebra::Vector3;
 

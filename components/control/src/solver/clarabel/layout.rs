@@ -1,8 +1,9 @@
 //! The place of each number of a [`Problem`] in Clarabel's form `A x + s = b`, `s` in a cone.
 //!
 //! Rows in order: equalities (zero cone), then one row per declared side (non-negative cone), sides of `G`
-//! before bounds. A side that is infinite at this tick keeps its place as the row `0 x + s = 1`, which never
-//! matters, so the pattern is the same at every tick.
+//! before bounds, then three rows per friction cone (second-order cone): `mu n`, then the two tangents. A side that is
+//! infinite at this tick keeps its place as the row `0 x + s = 1`, which never matters, and so does a cone that is off as
+//! `0 x + s = (1, 0, 0)`: the pattern is the same at every tick.
 
 use clarabel::{
     algebra::CscMatrix,
@@ -11,7 +12,7 @@ use clarabel::{
 
 use super::{
     super::{Constraint, Problem, Side, Sides, Solution, Structure},
-    Scaling,
+    FrictionCone, Scaling,
 };
 
 /// The fixed map from a problem to Clarabel's vectors.
@@ -25,10 +26,13 @@ pub(super) struct Layout {
     bounds_of: Vec<[Option<usize>; 2]>,
     /// Number of inequalities that are sides of `G`; they come first.
     row_sides: usize,
+    cones: Vec<FrictionCone>,
+    /// For each variable, its row in a cone, and true for the normal.
+    cone_row: Vec<Option<(usize, bool)>>,
 }
 
 impl Layout {
-    pub(super) fn new(structure: &Structure) -> Self {
+    pub(super) fn new(structure: &Structure, cones: Vec<FrictionCone>) -> Self {
         let sides = |declared: &[Sides], name: fn(usize, Side) -> Constraint| {
             let side_of = |side| {
                 declared
@@ -48,31 +52,56 @@ impl Layout {
             match *inequality {
                 Constraint::Bound(variable, Side::Upper) => bounds_of[variable][0] = Some(row),
                 Constraint::Bound(variable, Side::Lower) => bounds_of[variable][1] = Some(row),
-                Constraint::Row(..) | Constraint::Equality(_) => {}
+                Constraint::Row(..) | Constraint::Equality(_) | Constraint::Cone(_) => {}
             }
         }
         let (variables, equalities) = (structure.variables(), structure.equality_count());
-        Self { variables, equalities, inequalities, bounds_of, row_sides }
+        let mut cone_row = vec![None; variables];
+        for (index, cone) in cones.iter().enumerate() {
+            let first = equalities + inequalities.len() + 3 * index;
+            for (place, variable) in [cone.normal, cone.tangents[0], cone.tangents[1]].into_iter().enumerate()
+            {
+                assert!(cone_row[variable].is_none(), "variable {variable} stands in two cones");
+                cone_row[variable] = Some((first + place, place == 0));
+            }
+        }
+        Self { variables, equalities, inequalities, bounds_of, row_sides, cones, cone_row }
     }
 
     pub(super) fn variables(&self) -> usize {
         self.variables
     }
 
-    pub(super) fn constraint_count(&self) -> usize {
+    /// Number of rows of equalities and inequalities; those of the cones come after them.
+    pub(super) fn linear_count(&self) -> usize {
         self.equalities + self.inequalities.len()
+    }
+
+    pub(super) fn constraint_count(&self) -> usize {
+        self.linear_count() + 3 * self.cones.len()
+    }
+
+    /// The friction cones.
+    pub(super) fn friction_cones(&self) -> &[FrictionCone] {
+        &self.cones
     }
 
     /// The constraint in one of Clarabel's rows.
     pub(super) fn name(&self, row: usize) -> Constraint {
-        row.checked_sub(self.equalities).map_or(Constraint::Equality(row), |side| self.inequalities[side])
+        match row.checked_sub(self.equalities) {
+            None => Constraint::Equality(row),
+            Some(side) if side < self.inequalities.len() => self.inequalities[side],
+            Some(_) => Constraint::Cone((row - self.linear_count()) / 3),
+        }
     }
 
-    pub(super) fn cones(&self) -> [SupportedConeT<f64>; 2] {
-        [
+    pub(super) fn cones(&self) -> Vec<SupportedConeT<f64>> {
+        let mut cones = vec![
             SupportedConeT::ZeroConeT(self.equalities),
             SupportedConeT::NonnegativeConeT(self.inequalities.len()),
-        ]
+        ];
+        cones.extend(self.cones.iter().map(|_| SupportedConeT::SecondOrderConeT(3)));
+        cones
     }
 
     /// Upper triangle of a dense matrix, with the identity for numbers.
@@ -87,7 +116,7 @@ impl Layout {
         pattern
     }
 
-    /// Dense equalities and rows, one entry per bound, with zeros for numbers.
+    /// Dense equalities and rows, one entry per bound and per variable of a cone, with zeros for numbers.
     pub(super) fn constraint_pattern(&self) -> CscMatrix<f64> {
         let mut pattern = CscMatrix {
             m: self.constraint_count(),
@@ -96,9 +125,10 @@ impl Layout {
             rowval: Vec::new(),
             nzval: Vec::new(),
         };
-        for bounds in &self.bounds_of {
+        for (bounds, cone) in self.bounds_of.iter().zip(&self.cone_row) {
             pattern.rowval.extend(0..self.equalities + self.row_sides);
             pattern.rowval.extend(bounds.iter().flatten().map(|row| self.equalities + row));
+            pattern.rowval.extend(cone.iter().map(|(row, _)| row));
             pattern.colptr.push(pattern.rowval.len());
         }
         pattern.nzval = vec![0.0; pattern.rowval.len()];
@@ -131,7 +161,7 @@ impl Layout {
                 match *inequality {
                     Constraint::Row(row, Side::Upper) => put(e * problem.row_matrix[(row, column)] * d),
                     Constraint::Row(row, Side::Lower) => put(-e * problem.row_matrix[(row, column)] * d),
-                    Constraint::Bound(..) | Constraint::Equality(_) => {}
+                    Constraint::Bound(..) | Constraint::Equality(_) | Constraint::Cone(_) => {}
                 }
             }
             let [upper, lower] = self.bounds_of[column];
@@ -141,11 +171,20 @@ impl Layout {
             if let Some(side) = lower {
                 put(-scaling.constraint[self.equalities + side] * d);
             }
+            if let Some((row, normal)) = self.cone_row[column] {
+                let friction = scaling.friction[(row - self.linear_count()) / 3];
+                put(-scaling.constraint[row] * if normal { friction } else { 1.0 } * d);
+            }
         }
     }
 
     pub(super) fn fill_limits(&self, problem: &Problem, scaling: &Scaling, out: &mut [f64]) {
-        for (row, slot) in out.iter_mut().enumerate() {
+        let (linear, conic) = out.split_at_mut(self.linear_count());
+        for (place, slot) in conic.iter_mut().enumerate() {
+            let off = scaling.constraint[self.linear_count() + place] == 0.0;
+            *slot = f64::from(u8::from(off && place % 3 == 0));
+        }
+        for (row, slot) in linear.iter_mut().enumerate() {
             let e = scaling.constraint[row];
             *slot = if e == 0.0 { 1.0 } else { e * signed_limit(problem, self.name(row)) / scaling.length };
         }
@@ -158,7 +197,7 @@ impl Layout {
         }
         solution.row_dual.fill(0.0);
         solution.bound_dual.fill(0.0);
-        for (row, z) in found.z.iter().enumerate() {
+        for (row, z) in found.z.iter().enumerate().take(self.linear_count()) {
             let dual = scaling.constraint[row] * z * scaling.length / scaling.cost;
             match self.name(row) {
                 Constraint::Equality(index) => solution.equality_dual[index] = dual,
@@ -166,6 +205,7 @@ impl Layout {
                 Constraint::Row(index, Side::Lower) => solution.row_dual[index] -= dual,
                 Constraint::Bound(index, Side::Upper) => solution.bound_dual[index] += dual,
                 Constraint::Bound(index, Side::Lower) => solution.bound_dual[index] -= dual,
+                Constraint::Cone(_) => {}
             }
         }
     }
@@ -179,5 +219,6 @@ pub(super) fn signed_limit(problem: &Problem, constraint: Constraint) -> f64 {
         Constraint::Row(row, Side::Lower) => -problem.row_lower[row],
         Constraint::Bound(variable, Side::Upper) => problem.upper[variable],
         Constraint::Bound(variable, Side::Lower) => -problem.lower[variable],
+        Constraint::Cone(_) => 0.0,
     }
 }

@@ -12,7 +12,9 @@ mod scaling;
 
 use clarabel::solver::{DefaultSettings, DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus};
 
-use super::{Accuracy, Conflict, Problem, QpSolver, Solution, SolveError, Structure, UpdateError};
+use super::{
+    Accuracy, Conflict, Constraint, Problem, QpSolver, Solution, SolveError, Structure, UpdateError,
+};
 use layout::Layout;
 use scaling::Scaling;
 
@@ -63,7 +65,39 @@ impl ClarabelSettings {
     }
 }
 
-/// A [`QpSolver`] made of one Clarabel instance.
+/// Share of the way from the axis of a cone to its surface that is left to a point that counts as on it.
+const ON_CONE: f64 = 1e-4;
+
+/// Three variables of a problem that are a contact force within its friction cone: `|(x_t, x_u)| <= mu x_n`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrictionCone {
+    /// The variables `t` and `u` of the tangential force.
+    pub tangents: [usize; 2],
+    /// The variable `n` of the normal force.
+    pub normal: usize,
+}
+
+/// A [`QpSolver`] made of one Clarabel instance. Alone of the solvers it takes friction cones.
+///
+/// ```
+/// use motorium_control::solver::{ClarabelSettings, ClarabelSolver, FrictionCone, Problem, QpSolver, Structure};
+///
+/// // a force that pulls by (3, 4) along the ground, under 5 N and with a friction of 0.5
+/// let structure = Structure::new(3).equalities(1);
+/// let cone = FrictionCone { tangents: [0, 1], normal: 2 };
+/// let mut problem = Problem::new(&structure);
+/// problem.hessian.fill_with_identity();
+/// problem.gradient.copy_from_slice(&[-3.0, -4.0, 0.0]);
+/// problem.equality_matrix[(0, 2)] = 1.0;
+/// problem.equality_value[0] = 5.0;
+/// let mut solver = ClarabelSolver::with_cones(structure, vec![cone], ClarabelSettings::default());
+/// solver.set_friction(0, Some(0.5));
+/// solver.update(&problem)?;
+/// // in the same direction, and no longer than 0.5 times 5 N
+/// let force = &solver.solve()?.x;
+/// assert!((force[0] - 1.5).abs() < 1e-6 && (force[1] - 2.0).abs() < 1e-6);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct ClarabelSolver {
     structure: Structure,
     layout: Layout,
@@ -73,6 +107,8 @@ pub struct ClarabelSolver {
     gradient: Vec<f64>,
     constraints: Vec<f64>,
     limits: Vec<f64>,
+    /// Coefficient of each friction cone; `None` while it is off.
+    friction: Vec<Option<f64>>,
     solution: Solution,
     updated: bool,
 }
@@ -80,13 +116,24 @@ pub struct ClarabelSolver {
 impl ClarabelSolver {
     /// Builds the solver for `structure`; everything it needs is allocated and its pattern is factored here.
     pub fn new(structure: Structure, settings: ClarabelSettings) -> Self {
-        let layout = Layout::new(&structure);
+        Self::with_cones(structure, Vec::new(), settings)
+    }
+
+    /// As [`new`](Self::new), with friction cones, which are off until they get a coefficient.
+    ///
+    /// # Panics
+    /// If a variable stands in two cones, or there is no such variable.
+    pub fn with_cones(structure: Structure, cones: Vec<FrictionCone>, settings: ClarabelSettings) -> Self {
+        let friction = vec![None; cones.len()];
+        let layout = Layout::new(&structure, cones);
         let scaling = Scaling::new(&layout);
         // numbers that make a valid problem; the first update replaces them all
         let hessian = layout.hessian_pattern();
         let constraints = layout.constraint_pattern();
         let gradient = vec![0.0; structure.variables()];
-        let limits = vec![1.0; layout.constraint_count()];
+        let mut limits = vec![1.0; layout.constraint_count()];
+        let conic = limits[layout.linear_count()..].chunks_exact_mut(3);
+        conic.for_each(|cone| cone.copy_from_slice(&[1.0, 0.0, 0.0]));
         let mut solver =
             DefaultSolver::new(&hessian, &gradient, &constraints, &limits, &layout.cones(), settings.build())
                 .expect("the layout is consistent and the settings are valid");
@@ -97,6 +144,7 @@ impl ClarabelSolver {
             constraints: constraints.nzval,
             gradient,
             limits,
+            friction,
             solution: Solution::new(&structure),
             solver,
             scaling,
@@ -106,12 +154,44 @@ impl ClarabelSolver {
         }
     }
 
+    /// Sets the coefficient of a friction cone from the next update on, at least 0; `None` turns the cone off.
+    ///
+    /// # Panics
+    /// If there is no such cone.
+    pub fn set_friction(&mut self, cone: usize, friction: Option<f64>) {
+        self.friction[cone] = friction.map(|friction| friction.max(0.0));
+    }
+
+    /// The solution of the last [`solve`](QpSolver::solve) that had one.
+    pub fn solution(&self) -> &Solution {
+        &self.solution
+    }
+
+    /// Calls `visit` with each inequality and cone that has a force on the last solution: whose multiplier is larger than what is left
+    /// to its surface, both scaled. An interior-point method leaves neither at zero.
+    pub fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
+        let found = &self.solver.solution;
+        let (first, linear) = (self.structure.equality_count(), self.layout.linear_count());
+        for row in (first..linear).filter(|row| found.z[*row] > found.s[*row]) {
+            visit(self.layout.name(row));
+        }
+        for (cone, slack) in found.s[linear..].chunks_exact(3).enumerate() {
+            let left = slack[0] - slack[1].hypot(slack[2]);
+            if left < ON_CONE * slack[0] && found.z[linear + 3 * cone] > left {
+                visit(Constraint::Cone(cone));
+            }
+        }
+    }
+
     fn conflict(&self) -> Conflict {
         let certificate = &self.solver.solution.z;
         let mut taken = [usize::MAX; Conflict::CAPACITY];
         let mut strongest = 0.0;
         for slot in 0..taken.len() {
+            // of a cone the first row has the largest multiplier
+            let linear = self.layout.linear_count();
             let next = (0..certificate.len())
+                .filter(|row| *row < linear || (row - linear).is_multiple_of(3))
                 .filter(|row| !taken[..slot].contains(row))
                 .max_by(|&a, &b| certificate[a].abs().total_cmp(&certificate[b].abs()));
             let Some(row) = next else { break };
@@ -142,7 +222,7 @@ impl QpSolver for ClarabelSolver {
     fn update(&mut self, problem: &Problem) -> Result<(), UpdateError> {
         self.updated = false;
         problem.check(&self.structure)?;
-        self.scaling.fit(&self.layout, problem);
+        self.scaling.fit(&self.layout, problem, &self.friction);
         self.layout.fill_hessian(problem, &self.scaling, &mut self.hessian);
         self.layout.fill_constraints(problem, &self.scaling, &mut self.constraints);
         self.layout.fill_limits(problem, &self.scaling, &mut self.limits);

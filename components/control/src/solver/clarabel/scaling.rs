@@ -14,8 +14,10 @@ use super::{
 pub(super) struct Scaling {
     /// `D`, one per variable.
     pub(super) variable: Vec<f64>,
-    /// One per row of the layout; zero for a side that is infinite at this tick.
+    /// One per row of the layout; zero for a side that is infinite at this tick, and for a cone that is off.
     pub(super) constraint: Vec<f64>,
+    /// Coefficient of each friction cone; zero, as the factor of its rows, where it is off.
+    pub(super) friction: Vec<f64>,
     /// Factor of the cost; `D` already does its work wherever there is curvature.
     pub(super) cost: f64,
     /// Typical size of `D^-1 x`.
@@ -30,13 +32,14 @@ impl Scaling {
         Self {
             variable: vec![1.0; layout.variables()],
             constraint: vec![1.0; layout.constraint_count()],
+            friction: vec![0.0; layout.friction_cones().len()],
             cost: 1.0,
             length: 1.0,
         }
     }
 
-    /// Chooses the factors for `problem`.
-    pub(super) fn fit(&mut self, layout: &Layout, problem: &Problem) {
+    /// Chooses the factors for `problem`, with these coefficients of friction; `None` for a cone that is off.
+    pub(super) fn fit(&mut self, layout: &Layout, problem: &Problem, friction: &[Option<f64>]) {
         let curvature = (0..self.variable.len()).fold(0.0, |most: f64, i| most.max(problem.hessian[(i, i)]));
         for (i, d) in self.variable.iter_mut().enumerate() {
             let p = problem.hessian[(i, i)].max(Self::SMALLEST_CURVATURE * curvature);
@@ -44,7 +47,7 @@ impl Scaling {
         }
         // the largest limit, as a distance in x'
         let mut reach: f64 = 0.0;
-        for (row, e) in self.constraint.iter_mut().enumerate() {
+        for (row, e) in self.constraint.iter_mut().enumerate().take(layout.linear_count()) {
             let name = layout.name(row);
             let limit = signed_limit(problem, name);
             *e = if limit >= Problem::INFINITE {
@@ -54,10 +57,19 @@ impl Scaling {
                     Constraint::Equality(i) => largest(&self.variable, |j| problem.equality_matrix[(i, j)]),
                     Constraint::Row(i, _) => largest(&self.variable, |j| problem.row_matrix[(i, j)]),
                     Constraint::Bound(i, _) => self.variable[i],
+                    Constraint::Cone(_) => 1.0,
                 };
                 if size > 0.0 { size.recip() } else { 1.0 }
             };
             reach = reach.max((*e * limit).abs());
+        }
+        // one factor for the three rows of a cone, which it leaves a cone
+        for (index, (cone, friction)) in layout.friction_cones().iter().zip(friction).enumerate() {
+            let [one, other] = cone.tangents.map(|tangent| self.variable[tangent]);
+            let first = layout.linear_count() + 3 * index;
+            let e = friction.map_or(0.0, |mu| (mu * self.variable[cone.normal]).max(one).max(other).recip());
+            self.constraint[first..first + 3].fill(e);
+            self.friction[index] = friction.unwrap_or(0.0);
         }
         let pull = largest(&self.variable, |j| problem.gradient[j]);
         self.length = [reach, pull, 1.0].into_iter().find(|&size| size > 0.0).unwrap_or(1.0);

@@ -206,6 +206,7 @@ fn on_pressed(problem: &Problem, near: &Solution, share: f64) -> Option<Solution
                 Constraint::Equality(row) => problem.equality_matrix[(row, i)],
                 Constraint::Row(row, _) => problem.row_matrix[(row, i)],
                 Constraint::Bound(variable, _) => f64::from(u8::from(variable == i)),
+                Constraint::Cone(_) => 0.0, // recorded problems have none
             };
             matrix[(n + r, i)] = entry;
             matrix[(i, n + r)] = entry;
@@ -226,6 +227,7 @@ fn on_pressed(problem: &Problem, near: &Solution, share: f64) -> Option<Solution
             Constraint::Equality(row) => solution.equality_dual[row] = all[n + r],
             Constraint::Row(row, _) => solution.row_dual[row] = all[n + r],
             Constraint::Bound(variable, _) => solution.bound_dual[variable] = all[n + r],
+            Constraint::Cone(_) => {}
         }
     }
     Some(solution)

@@ -1,0 +1,202 @@
+//! Admittance: an external wrench becomes a compliant motion.
+
+use motorium_robots::{Twist, lie::so3};
+use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
+
+/// Mass, damper and spring of an [`Admittance`], along every axis alike, and about every axis alike.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AdmittanceSettings {
+    /// Mass \[kg\], more than 0. Default 4.
+    pub mass: f64,
+    /// Damping \[N s/m\], at least 0. Default 40.
+    pub damping: f64,
+    /// Stiffness \[N/m\], at least 0; without it what is pushed away stays there. Default 100.
+    pub stiffness: f64,
+    /// Moment of inertia \[kg m2\], more than 0. Default 0.1.
+    pub inertia: f64,
+    /// Rotational damping \[N m s/rad\], at least 0. Default 2.
+    pub rotational_damping: f64,
+    /// Rotational stiffness \[N m/rad\], at least 0. Default 10.
+    pub rotational_stiffness: f64,
+    /// Largest displacement \[m\]. Default 0.2.
+    pub max_displacement: f64,
+    /// Largest turn \[rad\], less than half a turn. Default 0.8.
+    pub max_rotation: f64,
+}
+
+impl Default for AdmittanceSettings {
+    /// Critically damped, with a time constant of 0.2 s along and 0.1 s about the axes.
+    fn default() -> Self {
+        Self {
+            mass: 4.0,
+            damping: 40.0,
+            stiffness: 100.0,
+            inertia: 0.1,
+            rotational_damping: 2.0,
+            rotational_stiffness: 10.0,
+            max_displacement: 0.2,
+            max_rotation: 0.8,
+        }
+    }
+}
+
+/// A frame that gives way to a wrench as a mass on a spring and a damper would, whatever inertia the robot has:
+///
+/// ```text
+/// mass x'' + damping x' + stiffness x = f                                     m, N
+/// inertia t'' + rotational_damping t' + rotational_stiffness t = n            rotation vector t, rad; Nm
+/// p = p* + x,   R = exp(t) R*                                                 pose that takes the place of the target (p*, R*)
+/// v = v* + x',  o = J(t) t' + exp(t) o*                                       J: left Jacobian of SO(3)
+/// ```
+///
+/// All in the axes of the world, at the origin of the frame; `f`, `n` are what the world exerts on the robot, so that the frame
+/// moves with the push. The wrench is constant over a step, for which the solution is exact, however long the step. At the
+/// largest displacement or turn the motion ends; what leads back is not held.
+///
+/// (OpenSoT's Cartesian admittance is the case without a mass.) Hogan, *Impedance control: an approach to manipulation*, 1985.
+///
+/// ```
+/// use motorium_control::{Admittance, AdmittanceSettings};
+/// use nalgebra::Vector3;
+///
+/// let mut hand = Admittance::new(AdmittanceSettings { stiffness: 100.0, ..Default::default() });
+/// for _ in 0..3000 {
+///     hand.step(&Vector3::new(5.0, 0.0, 0.0), &Vector3::zeros(), 1e-3);
+/// }
+/// assert!((hand.displacement().x - 0.05).abs() < 1e-6, "5 N against 100 N/m");
+/// ```
+#[derive(Clone, Debug)]
+pub struct Admittance {
+    settings: AdmittanceSettings,
+    /// The length of the step that the transitions are for, s.
+    dt: f64,
+    linear: Transition,
+    angular: Transition,
+    displacement: Vector3<f64>,
+    velocity: Vector3<f64>,
+    turn: Vector3<f64>,
+    turn_rate: Vector3<f64>,
+    /// `x''` and the rate of `J(t) t'` over the last step.
+    acceleration: Twist,
+}
+
+/// The step of one mass: the next position and velocity are these combinations of position, velocity and force.
+#[derive(Clone, Copy, Debug, Default)]
+struct Transition {
+    position: [f64; 3],
+    velocity: [f64; 3],
+}
+
+impl Transition {
+    /// The exponential of the system `(x, v, f)' = (v, (f - damping v - stiffness x) / mass, 0)`.
+    fn new(mass: f64, damping: f64, stiffness: f64, dt: f64) -> Self {
+        let system =
+            Matrix3::new(0.0, 1.0, 0.0, -stiffness / mass, -damping / mass, 1.0 / mass, 0.0, 0.0, 0.0);
+        let step = (system * dt).exp();
+        let row = |row: usize| [step[(row, 0)], step[(row, 1)], step[(row, 2)]];
+        Self { position: row(0), velocity: row(1) }
+    }
+
+    fn apply(&self, x: &mut Vector3<f64>, v: &mut Vector3<f64>, force: &Vector3<f64>) {
+        let next = |of: &[f64; 3]| *x * of[0] + *v * of[1] + force * of[2];
+        (*x, *v) = (next(&self.position), next(&self.velocity));
+    }
+}
+
+/// Ends the motion of `x` at the length `most`.
+fn stop(x: &mut Vector3<f64>, v: &mut Vector3<f64>, most: f64) {
+    let length = x.norm();
+    if length > most {
+        let outward = *x / length;
+        *x = outward * most;
+        *v -= outward * v.dot(&outward).max(0.0);
+    }
+}
+
+impl Admittance {
+    /// At rest where its target is.
+    pub fn new(settings: AdmittanceSettings) -> Self {
+        Self {
+            settings,
+            dt: 0.0,
+            linear: Transition::default(),
+            angular: Transition::default(),
+            displacement: Vector3::zeros(),
+            velocity: Vector3::zeros(),
+            turn: Vector3::zeros(),
+            turn_rate: Vector3::zeros(),
+            acceleration: Twist::zero(),
+        }
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &AdmittanceSettings {
+        &self.settings
+    }
+
+    /// Changes the settings from the next step on.
+    pub fn set_settings(&mut self, settings: AdmittanceSettings) {
+        if settings != self.settings {
+            (self.settings, self.dt) = (settings, 0.0);
+        }
+    }
+
+    /// Comes to rest where its target is.
+    pub fn reset(&mut self) {
+        *self = Self::new(self.settings);
+    }
+
+    /// Moves on by `dt` \[s\] under the force \[N\] and the torque about the origin of the frame \[Nm\] that the world exerts on it,
+    /// in the axes of the world. A wrench that is no number counts as none.
+    pub fn step(&mut self, force: &Vector3<f64>, torque: &Vector3<f64>, dt: f64) {
+        if dt != self.dt {
+            let AdmittanceSettings { mass, damping, stiffness, .. } = self.settings;
+            self.linear = Transition::new(mass, damping, stiffness, dt);
+            let AdmittanceSettings { inertia, rotational_damping, rotational_stiffness, .. } = self.settings;
+            self.angular = Transition::new(inertia, rotational_damping, rotational_stiffness, dt);
+            self.dt = dt;
+        }
+        let number = |x: &Vector3<f64>| if x.iter().all(|x| x.is_finite()) { *x } else { Vector3::zeros() };
+        let before = (self.velocity, self.angular_velocity());
+        self.linear.apply(&mut self.displacement, &mut self.velocity, &number(force));
+        self.angular.apply(&mut self.turn, &mut self.turn_rate, &number(torque));
+        stop(&mut self.displacement, &mut self.velocity, self.settings.max_displacement);
+        stop(&mut self.turn, &mut self.turn_rate, self.settings.max_rotation);
+        self.acceleration = Twist {
+            linear: (self.velocity - before.0) / dt,
+            angular: (self.angular_velocity() - before.1) / dt,
+        };
+    }
+
+    /// `x` \[m, world axes\].
+    pub fn displacement(&self) -> &Vector3<f64> {
+        &self.displacement
+    }
+
+    /// `x'` \[m/s, world axes\].
+    pub fn velocity(&self) -> &Vector3<f64> {
+        &self.velocity
+    }
+
+    /// `t` \[rad, world axes\].
+    pub fn turn(&self) -> &Vector3<f64> {
+        &self.turn
+    }
+
+    /// `J(t) t'` \[rad/s, world axes\].
+    fn angular_velocity(&self) -> Vector3<f64> {
+        so3::left_jacobian(&self.turn) * self.turn_rate
+    }
+
+    /// Pose, velocity and acceleration in place of those of a target, in world axes.
+    pub fn displace(&self, target: &Isometry3<f64>, velocity: &Twist) -> (Isometry3<f64>, Twist, Twist) {
+        let turned: UnitQuaternion<f64> = so3::exp(&self.turn);
+        let place = target.translation.vector + self.displacement;
+        let pose = Isometry3::from_parts(place.into(), turned * target.rotation);
+        let moving = Twist {
+            linear: velocity.linear + self.velocity,
+            angular: self.angular_velocity() + turned * velocity.angular,
+        };
+        (pose, moving, self.acceleration)
+    }
+}

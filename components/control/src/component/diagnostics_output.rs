@@ -1,0 +1,98 @@
+//! The output `diagnostics` of `control.qp`.
+
+use std::time::Instant;
+
+use motorium::declare::ClockKind;
+use motorium::prelude::*;
+use motorium::state::{ControlDiagnostics, MAX_TASKS};
+
+use crate::inverse_dynamics::{ConstraintName, InverseDynamics};
+use crate::solver::{Side, Solution};
+
+/// The output of [`ControlDiagnostics`]. Unwired it costs nothing: no figure is computed, no time is taken.
+pub(super) struct DiagnosticsOutput {
+    output: Output<ControlDiagnostics>,
+    /// True in real time. In lockstep a measured time would differ from run to run.
+    timed: bool,
+    began: Option<Instant>,
+    solve_ns: u64,
+}
+
+impl DiagnosticsOutput {
+    pub(super) fn declare(declare: &mut Declare) {
+        let doc = "residuals of the tasks, active constraints, slack, and the solver's figures of each step";
+        declare.output::<ControlDiagnostics>("diagnostics", doc);
+    }
+
+    pub(super) fn configure(setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let timed = setup.clock().kind() == ClockKind::Realtime;
+        Ok(Self { output: setup.output("diagnostics")?, timed, began: None, solve_ns: 0 })
+    }
+
+    /// The solver begins.
+    pub(super) fn begin_solve(&mut self) {
+        self.began = (self.timed && self.output.is_wired()).then(Instant::now);
+    }
+
+    /// The solver has ended.
+    pub(super) fn end_solve(&mut self) {
+        self.solve_ns = self.began.take().map_or(0, |began| began.elapsed().as_nanos() as u64);
+    }
+
+    /// Publishes what `write` fills in, if the output is wired. The message begins with the time of the solver, a residual of
+    /// zero for each of `tasks`, and zeros.
+    pub(super) fn publish(
+        &mut self,
+        tasks: usize,
+        write: impl FnOnce(&mut ControlDiagnostics),
+    ) -> Result<(), StepError> {
+        if !self.output.is_wired() {
+            return Ok(());
+        }
+        let mut message = self.output.loan()?;
+        message.status = ControlDiagnostics::UNSOLVED;
+        (message.iterations, message.undecided, message.solve_time) = (0, 0, self.solve_ns);
+        (message.contact_slack, message.joint_slack) = (0.0, 0.0);
+        message.set_count(tasks.min(MAX_TASKS));
+        message.residual_mut().fill(0.0);
+        message.clear_active();
+        write(&mut message);
+        message.publish()
+    }
+}
+
+fn sign(side: Side) -> i32 {
+    match side {
+        Side::Lower => ControlDiagnostics::LOWER,
+        Side::Upper => ControlDiagnostics::UPPER,
+    }
+}
+
+/// Adds the limits of velocities that a solution presses on: bounds of the joints, rows of frames.
+pub(super) fn push_bounds(message: &mut ControlDiagnostics, solution: &Solution) {
+    for (row, dual) in solution.row_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
+        let side = if *dual > 0.0 { ControlDiagnostics::UPPER } else { ControlDiagnostics::LOWER };
+        message.push_active(ControlDiagnostics::ROW, row, side);
+    }
+    for (joint, dual) in solution.bound_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
+        let side = if *dual > 0.0 { ControlDiagnostics::UPPER } else { ControlDiagnostics::LOWER };
+        message.push_active(ControlDiagnostics::JOINT, joint, side);
+    }
+}
+
+/// Adds a constraint of inverse dynamics.
+pub(super) fn push_name(message: &mut ControlDiagnostics, control: &InverseDynamics, name: ConstraintName) {
+    let (constraint, index, side) = match name {
+        ConstraintName::Base { axis } => (ControlDiagnostics::BASE, axis, 0),
+        ConstraintName::Motion { contact, axis } => (ControlDiagnostics::MOTION, 6 * contact + axis, 0),
+        ConstraintName::Torque { joint, side } => (ControlDiagnostics::TORQUE, joint, sign(side)),
+        ConstraintName::Friction { contact, point } => {
+            (ControlDiagnostics::FRICTION, control.point_number(contact, point), 0)
+        }
+        ConstraintName::Force { contact, point, side } => {
+            (ControlDiagnostics::FORCE, control.point_number(contact, point), sign(side))
+        }
+        ConstraintName::Acceleration { joint, side } => (ControlDiagnostics::JOINT, joint, sign(side)),
+    };
+    message.push_active(constraint, index, side);
+}

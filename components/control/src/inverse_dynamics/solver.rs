@@ -1,0 +1,82 @@
+//! The solver of the first level: active-set for friction pyramids, Clarabel for friction cones.
+
+use super::contact::ContactPlace;
+use super::names::Order;
+use crate::solver::{
+    ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, Constraint, FrictionCone, Problem,
+    QpSolver, Side, Sides, Solution, SolveError, Structure, UpdateError,
+};
+
+/// A solver that is made for one form of friction.
+#[derive(Debug)]
+pub(super) enum FirstLevel {
+    Pyramids(Box<ActiveSetSolver>),
+    Cones(Box<ClarabelSolver>),
+}
+
+impl FirstLevel {
+    /// For a problem with four faces of a pyramid for each contact point.
+    pub(super) fn pyramids(structure: Structure) -> Self {
+        Self::Pyramids(Box::new(ActiveSetSolver::new(structure, ActiveSetSettings::default())))
+    }
+
+    /// For the same problem, whose faces never bound, and a cone for each contact point.
+    pub(super) fn cones(structure: Structure, order: &Order) -> Self {
+        let cone = |point: usize| {
+            let first = order.velocities + 3 * point;
+            FrictionCone { tangents: [first, first + 1], normal: first + 2 }
+        };
+        let cones = (0..order.points.len()).map(cone).collect();
+        Self::Cones(Box::new(ClarabelSolver::with_cones(structure, cones, ClarabelSettings::default())))
+    }
+
+    /// Sides on which faces of pyramids bound.
+    pub(super) fn faces(cones: bool) -> Sides {
+        if cones { Sides::Neither } else { Sides::Upper }
+    }
+
+    pub(super) fn update(&mut self, problem: &Problem, contacts: &[ContactPlace]) -> Result<(), UpdateError> {
+        match self {
+            Self::Pyramids(solver) => solver.update(problem),
+            Self::Cones(solver) => {
+                for place in contacts {
+                    for point in 0..place.contact.points() {
+                        let friction = place.active.then_some(place.contact.friction);
+                        solver.set_friction(place.first_point + point, friction);
+                    }
+                }
+                solver.update(problem)
+            }
+        }
+    }
+
+    pub(super) fn solve(&mut self) -> Result<&Solution, SolveError> {
+        match self {
+            Self::Pyramids(solver) => solver.solve(),
+            Self::Cones(solver) => solver.solve(),
+        }
+    }
+
+    /// Calls `visit` with each inequality and cone that has a force on the last solution.
+    pub(super) fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
+        let solver = match self {
+            Self::Pyramids(solver) => solver,
+            Self::Cones(solver) => return solver.visit_active(visit),
+        };
+        let found = solver.solution();
+        let side = |dual: f64| if dual > 0.0 { Side::Upper } else { Side::Lower };
+        for (row, dual) in found.row_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
+            visit(Constraint::Row(row, side(*dual)));
+        }
+        for (bound, dual) in found.bound_dual.iter().enumerate().filter(|(_, dual)| **dual != 0.0) {
+            visit(Constraint::Bound(bound, side(*dual)));
+        }
+    }
+
+    pub(super) fn reset(&mut self) {
+        match self {
+            Self::Pyramids(solver) => solver.reset(),
+            Self::Cones(solver) => solver.reset(),
+        }
+    }
+}

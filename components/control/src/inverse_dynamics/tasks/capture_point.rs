@@ -1,0 +1,142 @@
+//! The capture point follows a point, by the acceleration of the centre of mass.
+
+use motorium_robots::Model;
+use nalgebra::{Matrix3xX, Vector2, Vector3};
+
+use super::{AccelerationTask, Cost};
+use crate::inverse_dynamics::{InverseDynamics, MotionState};
+
+/// The least height of the centre of mass above the contacts that is reckoned with \[m\].
+const LOWEST: f64 = 0.05;
+
+/// The capture point `k` of the robot, at which it would have to step to come to rest, follows a point `k*` \[m, axes of the
+/// world\], both on the ground:
+///
+/// ```text
+/// h = height of the centre of mass above the active contacts (their mean)     m
+/// o = sqrt(|g| / h)                                                           1/s
+/// k = c + c' / o                                                              x and y of the centre of mass and its velocity
+/// A = J_com                                                                   its rows of x and y, on the accelerations
+/// b = o (k*' + gain (k* - k) - c') - J_com' v                                 so that k' = k*' + gain (k* - k)
+/// W = weight                                                                  1/(m/s2)
+/// ```
+///
+/// for a height that changes slowly (Pratt, Carff, Drakunov and Goswami, *Capture point: a step toward humanoid push recovery*,
+/// 2006; Englsberger, Ott and Albu-Schäffer, *Three-dimensional bipedal walking control based on divergent component of motion*,
+/// 2015). The capture point decays to its target at the rate `gain`, and the centre of mass follows it at the rate `o`: nothing
+/// has to be chosen for its velocity. It takes a zero-moment point at `k + gain / o (k - k*)`, which has to lie in the support.
+/// Without an active contact nothing is asked for.
+///
+/// ```
+/// use motorium_control::inverse_dynamics::{Contact, InverseDynamics, MotionState, tasks::CapturePoint};
+/// use motorium_robots::{Kinematics, load};
+///
+/// let robot = load("humanoid", std::path::Path::new("."))?;
+/// let (model, profile) = (&robot.model, robot.profile.as_ref().expect("a catalogue robot has a profile"));
+/// let (q, v) = (profile.configuration(model, "standing")?, vec![0.0; model.nv()]);
+/// let mut kinematics = Kinematics::new(model);
+/// kinematics.update_with_velocity(model, q.as_slice(), &v);
+/// let state = MotionState { model, kinematics: &kinematics, q: q.as_slice(), v: &v };
+/// let contacts = profile.feet.iter().map(|(name, foot)| Contact::of_foot(model, name, foot)).collect::<Result<Vec<_>, _>>()?;
+/// let mut control = InverseDynamics::new(model, contacts);
+/// let mut balance = CapturePoint::new(model, 3.0);
+/// balance.set_target(kinematics.centre_of_mass(model).position.xy());
+/// control.begin(&state, 0.001);
+/// control.add_task(&state, 0, &mut balance);
+/// assert!(balance.error().norm() < 1e-12, "at rest it is below the centre of mass");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct CapturePoint {
+    gain: f64,
+    weight: f64,
+    target: Vector2<f64>,
+    velocity: Vector2<f64>,
+    point: Vector2<f64>,
+    rate: f64,
+    jacobian: Matrix3xX<f64>,
+    cost: Cost,
+}
+
+impl CapturePoint {
+    /// A task for `model` with a gain \[1/s\], the world's origin as target, and weight 1 \[1/(m/s2)\].
+    pub fn new(model: &Model, gain: f64) -> Self {
+        Self {
+            gain,
+            weight: 1.0,
+            target: Vector2::zeros(),
+            velocity: Vector2::zeros(),
+            point: Vector2::zeros(),
+            rate: 0.0,
+            jacobian: Matrix3xX::zeros(model.nv()),
+            cost: Cost::dense(2, 0, model.nv()),
+        }
+    }
+
+    /// The same task with a weight \[1/(m/s2)\].
+    #[must_use]
+    pub fn weight(mut self, weight: f64) -> Self {
+        self.weight = weight;
+        self
+    }
+
+    /// Changes gain \[1/s\] and weight from the next update on.
+    pub fn set(&mut self, gain: f64, weight: f64) {
+        (self.gain, self.weight) = (gain, weight);
+    }
+
+    /// Sets the target `k*` \[m, world axes\], at rest.
+    pub fn set_target(&mut self, target: Vector2<f64>) {
+        self.set_moving_target(target, Vector2::zeros());
+    }
+
+    /// Sets the target and its velocity \[m, m/s, world axes\].
+    pub fn set_moving_target(&mut self, target: Vector2<f64>, velocity: Vector2<f64>) {
+        (self.target, self.velocity) = (target, velocity);
+    }
+
+    /// `k` at the last update \[m, world axes\].
+    pub fn point(&self) -> &Vector2<f64> {
+        &self.point
+    }
+
+    /// `o` at the last update \[1/s\]; 0 without an active contact.
+    pub fn rate(&self) -> f64 {
+        self.rate
+    }
+
+    /// `k* - k` at the last update \[m, world axes\].
+    pub fn error(&self) -> Vector2<f64> {
+        self.target - self.point
+    }
+}
+
+impl AccelerationTask for CapturePoint {
+    fn update(&mut self, state: &MotionState<'_>, dynamics: &InverseDynamics) {
+        let moving = state.kinematics.centre_of_mass(state.model);
+        let heights = dynamics.contacts.iter().filter(|place| place.active).map(|place| {
+            let frame = state.kinematics.pose(state.model, place.contact.frame).translation.vector;
+            (frame + place.arms.iter().sum::<Vector3<f64>>() / place.arms.len() as f64).z
+        });
+        let (sum, count) = heights.fold((0.0, 0.0), |(sum, count), height| (sum + height, count + 1.0));
+        let gravity = dynamics.settings.gravity.norm();
+        if count == 0.0 || gravity == 0.0 {
+            (self.point, self.rate) = (moving.position.xy(), 0.0);
+            self.cost.weights_mut().fill(0.0);
+            return;
+        }
+        let height = (moving.position.z - sum / count).max(LOWEST);
+        self.rate = (gravity / height).sqrt();
+        let velocity = moving.velocity.xy();
+        self.point = moving.position.xy() + velocity / self.rate;
+        let wanted = (self.velocity + self.error() * self.gain - velocity) * self.rate;
+        self.cost.desired_mut().copy_from(&(wanted - moving.acceleration.xy()));
+        self.cost.weights_mut().fill(self.weight);
+        state.kinematics.com_jacobian(state.model, &mut self.jacobian);
+        self.cost.matrix_mut().copy_from(&self.jacobian.fixed_rows::<2>(0));
+    }
+
+    fn cost(&self) -> &Cost {
+        &self.cost
+    }
+}

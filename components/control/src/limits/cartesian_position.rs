@@ -1,0 +1,68 @@
+//! The origin of a frame stays on one side of planes.
+
+use motorium_robots::{FrameId, Model, Reference};
+use nalgebra::{Matrix6xX, Unit, Vector3};
+
+use super::{LimitRows, RowLimit};
+use crate::RobotState;
+
+/// The origin `p` of a frame stays within half-spaces `n' p <= d` of the world, less a margin:
+///
+/// ```text
+/// n' J_v v  <=  min(rate, 1/dt) max(d - margin - n' p, 0)         m/s
+/// ```
+///
+/// (OpenSoT's constraint.) A table below, a wall beside, a box around the hand. Beyond a plane the frame may stay or come back.
+#[derive(Clone, Debug)]
+pub struct CartesianPositionLimit {
+    frame: FrameId,
+    rate: f64,
+    margin: f64,
+    /// Outward normals and places along them.
+    planes: Vec<(Unit<Vector3<f64>>, f64)>,
+    jacobian: Matrix6xX<f64>,
+}
+
+impl CartesianPositionLimit {
+    /// A limit for `frame` of `model` and these planes: the normal, which points out of the half-space, and the place `d` along it
+    /// \[m\]. The frame may cover a share of 5 of what is left of the way per second.
+    pub fn new(model: &Model, frame: FrameId, planes: Vec<(Unit<Vector3<f64>>, f64)>) -> Self {
+        Self { frame, rate: 5.0, margin: 0.0, planes, jacobian: Matrix6xX::zeros(model.nv()) }
+    }
+
+    /// Within a box along the axes of the world, between two corners \[m\]; an infinite coordinate does not bound.
+    pub fn within(model: &Model, frame: FrameId, lower: Vector3<f64>, upper: Vector3<f64>) -> Self {
+        let mut planes = Vec::with_capacity(6);
+        for (axis, unit) in [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()].into_iter().enumerate()
+        {
+            planes.extend(upper[axis].is_finite().then_some((unit, upper[axis])));
+            planes.extend(lower[axis].is_finite().then_some((-unit, -lower[axis])));
+        }
+        Self::new(model, frame, planes)
+    }
+
+    /// Sets the share of what is left of the way that may be covered per second \[1/s\], and the distance kept \[m\].
+    #[must_use]
+    pub fn with(mut self, rate: f64, margin: f64) -> Self {
+        (self.rate, self.margin) = (rate, margin);
+        self
+    }
+}
+
+impl RowLimit for CartesianPositionLimit {
+    fn rows(&self) -> usize {
+        self.planes.len()
+    }
+
+    fn write(&mut self, state: &RobotState<'_>, dt: f64, rows: &mut LimitRows<'_>) {
+        let reference = Reference::LocalWorldAligned;
+        state.kinematics.jacobian(state.model, self.frame, reference, &mut self.jacobian);
+        let place = state.kinematics.pose(state.model, self.frame).translation.vector;
+        let rate = self.rate.min(dt.recip());
+        for (normal, distance) in &self.planes {
+            let left = (distance - self.margin - normal.dot(&place)).max(0.0);
+            let row = self.jacobian.column_iter().map(|column| normal.dot(&column.fixed_rows::<3>(0)));
+            rows.push(row, f64::NEG_INFINITY, rate * left);
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! Controllers: what a step of an optimisation did.
+
+#![allow(unsafe_code)] // a `Field` implementation that looks only at the used part of its arrays
+
+use super::{Defect, Digest, Field, FieldLayout};
+
+/// The most tasks of one [`ControlDiagnostics`].
+pub const MAX_TASKS: usize = 32;
+/// The most active constraints that one [`ControlDiagnostics`] lists.
+pub const MAX_ACTIVE: usize = 96;
+
+crate::state_buffer! {
+    @layout
+    /// Figures of one step of a controller that solves an optimisation: how far each task is from what it asks for, which
+    /// constraints are active, what gave way, and how the solver fared.
+    ///
+    /// `residual` has an entry for each task, in the order of the configuration. `constraint`, `index` and `side` have one for
+    /// each active constraint: its kind, the joint or contact point that it limits, and which limit it is.
+    ///
+    /// ```
+    /// use motorium::state::ControlDiagnostics;
+    ///
+    /// let mut step = ControlDiagnostics::default();
+    /// step.status = ControlDiagnostics::SOLVED;
+    /// step.set_count(2);
+    /// step.residual_mut()[0] = 0.02;
+    /// step.push_active(ControlDiagnostics::TORQUE, 3, ControlDiagnostics::UPPER);
+    /// assert_eq!((step.constraints, step.index()), (1, &[3][..]));
+    /// ```
+    pub struct ControlDiagnostics as "motorium.ControlDiagnostics" {
+        count: u32,
+        active: u32,
+        /// Outcome of the step: `SOLVED`, `RELAXED` or `UNSOLVED`.
+        pub status: u32,
+        /// Iterations of the solver, in the first level.
+        pub iterations: u32,
+        /// Levels below the first that were left undecided.
+        pub undecided: u32,
+        /// Active constraints, also those that the lists have no room for.
+        pub constraints: u32,
+        /// Time of the solver, ns; 0 in lockstep, where a run is to publish the same to the last bit each time.
+        pub solve_time: u64,
+        /// Largest acceleration of a contact beyond the one it was to have, m/s^2 or rad/s^2; 0 where nothing was relaxed.
+        pub contact_slack: f64,
+        /// Largest acceleration of a joint beyond its limits, rad/s^2 or m/s^2; 0 where nothing was relaxed.
+        pub joint_slack: f64,
+        residual: [f64; MAX_TASKS],
+        constraint: [u32; MAX_ACTIVE],
+        index: [u32; MAX_ACTIVE],
+        side: [i32; MAX_ACTIVE],
+    }
+}
+
+impl ControlDiagnostics {
+    /// All constraints are satisfied, and the cost is least.
+    pub const SOLVED: u32 = 1;
+    /// Constraints contradict each other, and some gave way; the lists name those that conflict.
+    pub const RELAXED: u32 = 2;
+    /// There is no solution; the lists name the constraints that conflict, if any do.
+    pub const UNSOLVED: u32 = 3;
+
+    /// Torque limit of the joint `index`.
+    pub const TORQUE: u32 = 1;
+    /// Friction of the contact point `index`, counted over all contacts: four of a sole, one of any other.
+    pub const FRICTION: u32 = 2;
+    /// Normal force of the contact point `index`, counted alike: it would pull (`LOWER`), or has its largest value (`UPPER`).
+    pub const FORCE: u32 = 3;
+    /// Position, velocity or acceleration limit of the joint `index`.
+    pub const JOINT: u32 = 4;
+    /// Equation of motion of a floating base: force along x, y, z, then torque about them.
+    pub const BASE: u32 = 5;
+    /// A contact at rest: `index` is six times that of the contact, plus 0 to 2 along x, y, z, or 3 to 5 about them.
+    pub const MOTION: u32 = 6;
+    /// Row `index` of the limits of combinations of velocities, in the order of the configuration.
+    pub const ROW: u32 = 7;
+
+    /// The lower limit.
+    pub const LOWER: i32 = -1;
+    /// The upper limit.
+    pub const UPPER: i32 = 1;
+
+    /// Number of tasks, never more than there is room for.
+    pub fn count(&self) -> usize {
+        (self.count as usize).min(MAX_TASKS)
+    }
+
+    /// Sets the number of tasks. Residuals that become visible hold what was written there before.
+    ///
+    /// # Panics
+    /// When `count` exceeds [`MAX_TASKS`].
+    pub fn set_count(&mut self, count: usize) {
+        assert!(count <= MAX_TASKS, "{count} tasks, but a buffer holds {MAX_TASKS}");
+        self.count = count as u32;
+    }
+
+    /// `|A x - b|` of each task, in the units of the task.
+    pub fn residual(&self) -> &[f64] {
+        &self.residual[..self.count()]
+    }
+
+    /// `|A x - b|` of each task, to be written.
+    pub fn residual_mut(&mut self) -> &mut [f64] {
+        let count = self.count();
+        &mut self.residual[..count]
+    }
+
+    /// Adds an active constraint; beyond [`MAX_ACTIVE`] it is only counted.
+    pub fn push_active(&mut self, constraint: u32, index: usize, side: i32) {
+        self.constraints = self.constraints.saturating_add(1);
+        let place = self.active as usize;
+        if place < MAX_ACTIVE {
+            self.constraint[place] = constraint;
+            self.index[place] = index as u32;
+            self.side[place] = side;
+            self.active += 1;
+        }
+    }
+
+    /// Forgets the active constraints.
+    pub fn clear_active(&mut self) {
+        (self.active, self.constraints) = (0, 0);
+    }
+
+    /// Number of constraints in the lists.
+    fn listed(&self) -> usize {
+        (self.active as usize).min(MAX_ACTIVE)
+    }
+
+    /// Kinds of the active constraints.
+    pub fn constraint(&self) -> &[u32] {
+        &self.constraint[..self.listed()]
+    }
+
+    /// Joints or contact points of the active constraints.
+    pub fn index(&self) -> &[u32] {
+        &self.index[..self.listed()]
+    }
+
+    /// Sides of the active constraints: `LOWER`, `UPPER`, or 0 where there is only one.
+    pub fn side(&self) -> &[i32] {
+        &self.side[..self.listed()]
+    }
+}
+
+// SAFETY: `repr(C)`, and every field is itself a `Field`.
+unsafe impl Field for ControlDiagnostics {
+    const ZERO: Self = Self {
+        count: 0,
+        active: 0,
+        status: 0,
+        iterations: 0,
+        undecided: 0,
+        constraints: 0,
+        solve_time: 0,
+        contact_slack: 0.0,
+        joint_slack: 0.0,
+        residual: [0.0; MAX_TASKS],
+        constraint: [0; MAX_ACTIVE],
+        index: [0; MAX_ACTIVE],
+        side: [0; MAX_ACTIVE],
+    };
+
+    fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>) {
+        let first = out.len();
+        crate::state_buffer!(@describe ControlDiagnostics, prefix, offset, out,
+            count: u32, active: u32, status: u32, iterations: u32, undecided: u32, constraints: u32, solve_time: u64,
+            contact_slack: f64, joint_slack: f64, residual: [f64; MAX_TASKS], constraint: [u32; MAX_ACTIVE],
+            index: [u32; MAX_ACTIVE], side: [i32; MAX_ACTIVE]);
+        let path = |name: &str| match prefix {
+            "" => name.to_string(),
+            prefix => format!("{prefix}.{name}"),
+        };
+        for (array, count) in
+            [("residual", "count"), ("constraint", "active"), ("index", "active"), ("side", "active")]
+        {
+            for field in out[first..].iter_mut().filter(|field| field.name == path(array)) {
+                field.count = Some(path(count));
+            }
+        }
+    }
+
+    fn check(&self) -> Result<(), Defect> {
+        for (field, found, capacity) in
+            [("count", self.count, MAX_TASKS), ("active", self.active, MAX_ACTIVE)]
+        {
+            let found = found as usize;
+            if found > capacity {
+                return Err(Defect::Count { field, found, capacity });
+            }
+        }
+        self.contact_slack.check().map_err(|defect| defect.inside("contact_slack"))?;
+        self.joint_slack.check().map_err(|defect| defect.inside("joint_slack"))?;
+        f64::check_all(self.residual()).map_err(|defect| defect.inside("residual"))
+    }
+
+    fn digest(&self, digest: &mut Digest) {
+        let words = [self.count, self.active, self.status, self.iterations, self.undecided, self.constraints];
+        words.iter().for_each(|word| digest.write_u64(u64::from(*word)));
+        digest.write_u64(self.solve_time);
+        self.contact_slack.digest(digest);
+        self.joint_slack.digest(digest);
+        f64::digest_all(self.residual(), digest);
+        u32::digest_all(self.constraint(), digest);
+        u32::digest_all(self.index(), digest);
+        i32::digest_all(self.side(), digest);
+    }
+}
