@@ -20,7 +20,7 @@ pub(crate) enum Heard {
     Answer(u32, Json),
     /// Request, the file or what is wrong.
     Asset(u32, Result<Vec<u8>, String>),
-    /// How a recording is played.
+    /// State of a recording that is played.
     Playback(Playback),
 }
 

@@ -29,7 +29,7 @@ pub enum BuildError {
     /// MuJoCo cannot simulate this robot or world.
     #[error("MuJoCo refuses the model: {reason}; `physics.articulated` (`ArticulatedSimulator`) may take it")]
     Refused {
-        /// What MuJoCo says.
+        /// Words of MuJoCo.
         reason: String,
     },
     /// An actuator that is not ideal, with another engine than ours.

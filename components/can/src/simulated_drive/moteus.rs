@@ -13,7 +13,7 @@ const OVER_TEMPERATURE: u8 = 40;
 pub struct Moteus {
     node: Node,
     gains: LoopEntry,
-    /// That which stands in the drive, for commands that name none.
+    /// The limit in the drive, for commands that name none.
     own_watchdog_ns: Option<u64>,
     watchdog: Watchdog,
     mode: Mode,

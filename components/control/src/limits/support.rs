@@ -6,7 +6,7 @@ use nalgebra::{Matrix3xX, Vector2};
 use super::{LimitRows, RowLimit};
 use crate::RobotState;
 
-/// What a [`SupportLimit`] keeps above the support.
+/// The point that a [`SupportLimit`] keeps above the support.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Supported {
     /// The centre of mass, which may cover this share of what is left of the way to an edge per second \[1/s\].

@@ -41,7 +41,7 @@ pub enum LibraryError {
     Unusable {
         /// The library.
         path: PathBuf,
-        /// What the loader of the system says.
+        /// Words of the loader of the system.
         reason: String,
     },
     /// Another version.

@@ -56,7 +56,7 @@ impl Native {
     ///
     /// # Errors
     ///
-    /// What MuJoCo says against it.
+    /// Words of MuJoCo against it.
     pub(super) fn compile(library: &'static Library, mjcf: &str) -> Result<Self, String> {
         let text = CString::new(mjcf).map_err(|error| error.to_string())?;
         let mut message = [0_u8; 1000];

@@ -26,7 +26,7 @@ pub trait PlaceSensor: Sized + 'static {
     /// The message it publishes.
     type Message: StateBuffer;
 
-    /// Where it is, how late, and its seed.
+    /// Its place, its latency, and its seed.
     fn common(config: &Self::Config) -> (&Mount, Timing, Option<u64>);
     /// The sensor of a seed.
     ///

@@ -35,7 +35,7 @@ pub struct BlobEstimator {
     counts: Counts,
 }
 
-/// What has been seen.
+/// Counts of what has been seen.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
     pictures: u64,

@@ -27,7 +27,7 @@ pub use lidar::{Lidar, LidarConfig, LidarOutputs};
 pub use ray::{RayConfig, RaySensor};
 use view::{Look, Seen, View};
 
-/// What the configuration of every sensor of rays has.
+/// Configuration that every sensor of rays has.
 #[derive(Clone, Copy, Debug)]
 pub struct Common<'a> {
     mount: &'a Mount,
@@ -56,7 +56,7 @@ pub trait RangeSensor: Sized + 'static {
     /// Its outputs.
     type Outputs;
 
-    /// Where it is, what it sees, how late, and its seed.
+    /// Its place, what it sees, its latency, and its seed.
     fn common(config: &Self::Config) -> Common<'_>;
     /// The sensor of a seed.
     ///

@@ -12,7 +12,7 @@ use super::super::robot::{Mount, Needs, TrueMotion};
 use super::looks::looks;
 use crate::rendering::Looks;
 
-/// Where a sensor is, and what it sees.
+/// Place of a sensor, and what it sees.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen<'a> {
     /// Place of the sensor on the robot.
