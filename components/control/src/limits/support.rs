@@ -32,7 +32,7 @@ pub enum Supported {
 /// than one step allows. Outside of the hull it may stay or come back.
 ///
 /// ```
-/// use motorium_control::limits::{RowLimit, SupportLimit, Supported};
+/// use motorium_control::limits::{SupportLimit, Supported};
 /// use nalgebra::Vector2;
 ///
 /// let robot = motorium_robots::load("humanoid", std::path::Path::new("."))?;

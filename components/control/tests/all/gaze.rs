@@ -150,12 +150,16 @@ fn the_angle_to_a_moving_point_decays_at_the_rate_of_the_gain_without_an_allocat
 
 #[test]
 fn a_controller_looks_at_the_goals_of_its_target() {
-    let points = Targets { start: Some([0.6, 0.0, 0.0]), ..Targets::default() };
-    let config =
-        "{ tasks = [{ gaze = { target = \"target\", tolerance = 1e-3 } }, { posture = { level = 2 } }] }";
-    let report = run(graph("{}", points, controller(config)));
-    let gaze = &report.results["controller"]["tasks"]["gaze"];
-    assert_eq!(gaze["goals_reached"], 2, "{gaze}");
-    assert_eq!(gaze["goals_missed"], 0, "{gaze}");
-    assert!(number(&gaze["orientation_error_rad"]) < 1e-3, "{gaze}");
+    let gaze = "gaze = { target = \"target\", tolerance = 1e-3 }";
+    let velocities = format!("{{ tasks = [{{ {gaze} }}, {{ posture = {{ level = 2 }} }}] }}");
+    let posture = "posture = { level = 2, weight = 1.0, gain = 3.0 }";
+    let torques = format!("{{ inverse_dynamics = {{}}, tasks = [{{ {gaze} }}, {{ {posture} }}] }}");
+    for config in [velocities, torques] {
+        let points = Targets { start: Some([0.6, 0.0, 0.0]), ..Targets::default() };
+        let report = run(graph("{}", points, controller(&config)));
+        let gaze = &report.results["controller"]["tasks"]["gaze"];
+        assert_eq!(gaze["goals_reached"], 2, "{config}: {gaze}");
+        assert_eq!(gaze["goals_missed"], 0, "{config}: {gaze}");
+        assert!(number(&gaze["orientation_error_rad"]) < 1e-3, "{config}: {gaze}");
+    }
 }
