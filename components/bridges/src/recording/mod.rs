@@ -19,6 +19,7 @@ mod batch;
 mod component;
 mod csv;
 mod file;
+mod head;
 mod lerobot;
 mod machine;
 mod reader;

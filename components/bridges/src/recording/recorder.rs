@@ -15,8 +15,9 @@ use motorium::transport::{PortError, Tap};
 
 use super::batch::{Batch, Ring};
 use super::file::Writer;
-use super::{COUNTS, EVENTS, HASH, LAYOUT, PLAN, RUN, TOPIC, machine};
-use crate::foxglove::{Channel, Content, Derived, DerivedError, Schema, channels, descriptions, log};
+use super::head::head;
+use super::{COUNTS, EVENTS, HASH, LAYOUT, TOPIC};
+use crate::foxglove::{Channel, Content, Derived, DerivedError, Schema, channels, log};
 use foxglove::Encode as _;
 use foxglove::messages::log::Level;
 
@@ -128,7 +129,7 @@ impl Clock {
     }
 }
 
-fn unix_ns() -> u64 {
+pub(super) fn unix_ns() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
 }
@@ -330,39 +331,6 @@ impl Recorded {
             let _ = channel.encode(stamp, bytes, time_ns, out);
         });
     }
-}
-
-/// Bytes at the beginning of a file.
-fn head(writer: &mut Writer, plan: &Plan, settings: &Settings, start_ns: u64) -> Result<(), McapError> {
-    let mut facts = BTreeMap::new();
-    let mut fact = |name: &str, value: String| facts.insert(name.to_string(), value);
-    fact("version", env!("CARGO_PKG_VERSION").to_string());
-    fact("graph", plan.name.clone());
-    fact("file", plan.file.display().to_string());
-    fact("clock", format!("{:?}", plan.clock).to_lowercase());
-    fact("seed", plan.seed.to_string());
-    fact("recorded_at_ns", unix_ns().to_string());
-    fact("drawn_every_ns", settings.drawn_every_ns.to_string());
-    writer.metadata(RUN, facts)?;
-    let text = serde_json::to_vec(plan).map_err(std::io::Error::from)?;
-    writer.attach(PLAN, "application/json", &text, start_ns)?;
-    writer.attach("machine.json", "application/json", machine::facts().to_string().as_bytes(), start_ns)?;
-    if let Ok(text) = std::fs::read(&plan.file) {
-        let name = plan.file.file_name().map_or_else(|| "graph.toml".into(), |name| name.to_string_lossy());
-        writer.attach(&name, "application/toml", &text, start_ns)?;
-    }
-    for (name, content) in &settings.attachments {
-        writer.attach(name, "application/octet-stream", content, start_ns)?;
-    }
-    for description in descriptions(plan) {
-        let (ending, media_type) =
-            if description.is_urdf { ("urdf", "application/xml") } else { ("mjcf.xml", "application/xml") };
-        let name = format!("{}.{ending}", description.robot);
-        writer.attach(&name, media_type, description.text.as_bytes(), start_ns)?;
-        let id = writer.channel(&description.topic, &description.schema(), &BTreeMap::new())?;
-        writer.message(id, 1, (start_ns, start_ns), &description.encode())?;
-    }
-    Ok(())
 }
 
 /// The channels of the events: exact, and lines of a log.
