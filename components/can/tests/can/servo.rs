@@ -147,7 +147,7 @@ proptest! {
         if let Ok(status) = read_status(&bytes)
             && let Ok(state) = feetech::State::decode(status.data)
         {
-            prop_assert!(state.position.abs() <= 3.1416 && state.load.abs() <= 1.024 && state.velocity.is_finite());
+            prop_assert!(state.position.abs() <= core::f64::consts::PI && state.load.abs() <= 1.024 && state.velocity.is_finite());
         }
     }
 }
