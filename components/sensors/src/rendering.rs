@@ -75,7 +75,8 @@ pub struct Looks {
 /// let mut renderer = Renderer::new(Pinhole::new(3, 1, 1.0), 100.0);
 /// let mut picture = [[0.0; 3]; 3];
 /// renderer.render(&Isometry3::identity(), &mut scene, &looks, &mut picture);
-/// assert_eq!(picture, [[0.0, 0.0, 1.0], [1.0, 0.5, 0.0], [0.0, 0.0, 1.0]]);
+/// assert_eq!([picture[0], picture[2]], [looks.sky; 2]);
+/// assert!(picture[1].iter().zip([1.0, 0.5, 0.0]).all(|(seen, paint)| (seen - paint).abs() < 1e-12));
 /// ```
 #[derive(Clone, Debug)]
 pub struct Renderer {
