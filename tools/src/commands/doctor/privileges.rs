@@ -1,5 +1,7 @@
 //! Privileges of this user: real-time priorities and locked memory, found by trying them.
 
+use std::sync::{Mutex, PoisonError};
+
 use motorium::os::machine::online_cores;
 use motorium::os::{Applied, Denied, Request, apply};
 use motorium::plan::SchedulingClass;
@@ -93,8 +95,16 @@ fn check_deadline(tried: &Result<(), String>) -> Finding {
     }
 }
 
-/// Locks the memory of this process, reads it back, and unlocks it again.
+/// Held by the thread that tries to lock memory: that of the whole process.
+static TRYING: Mutex<()> = Mutex::new(());
+
 fn try_locking() -> Result<(), String> {
+    let _alone = TRYING.lock().unwrap_or_else(PoisonError::into_inner);
+    lock_and_unlock()
+}
+
+/// Locks the memory of this process, reads it back, and unlocks it again.
+fn lock_and_unlock() -> Result<(), String> {
     let request = Request { class: SchedulingClass::Normal, cores: online_cores(), lock_memory: true };
     let (applied, denied) = aside(|| apply(&request)).ok_or("the thread that tried it failed")?;
     let _ = rustix::mm::munlockall();
@@ -206,8 +216,10 @@ mod tests {
             let status = read("/proc/self/status").unwrap();
             status.lines().find(|line| line.starts_with("VmLck:")).map(str::to_string)
         };
+        // An examination beside this test locks memory, too.
+        let _alone = TRYING.lock().unwrap_or_else(PoisonError::into_inner);
         let before = (policy(), locked());
-        let _ = (try_fifo(), try_deadline(), try_locking());
+        let _ = (try_fifo(), try_deadline(), lock_and_unlock());
         assert_eq!((policy(), locked()), before);
     }
 }
