@@ -79,7 +79,7 @@ export class Plot {
         height: 190,
         legend: { show: true, live: true },
         scales: { x: { time: false } },
-        axes: [{ grid, values: (_chart, ticks) => ticks.map((tick) => `${tick.toFixed(0)} s`) }, { grid, size: 56 }],
+        axes: [{ grid, values: (_chart, ticks) => ticks.map((tick) => `${Number(tick.toFixed(2))} s`) }, { grid, size: 56 }],
         series: [{ label: "time", value: (_chart, value) => (value == null ? "-" : `${value.toFixed(2)} s`) }, ...series],
       },
       this.#data,
