@@ -165,6 +165,12 @@ pub enum ResetError {
         .0.name, .0.friction, .0.restitution
     )]
     Surface(Surface),
+    /// Properties with which the engine cannot simulate the robot.
+    #[error("{reason}")]
+    Refused {
+        /// Words of the engine.
+        reason: String,
+    },
     /// A value is not finite.
     #[error("joint {joint} (\"{name}\") would start at position {position}, velocity {velocity}: not finite")]
     NotFinite {

@@ -90,9 +90,13 @@ impl<E: Engine> Simulation<E> {
         }
         ResetError::check(model, q, v)?;
         let joints = JointProperties::of(model, self.options().armature);
+        let before = (self.robot.model.clone(), self.robot.joints.clone(), self.robot.gravity);
         self.robot.set_properties(model, joints, world.gravity.into());
+        if let Err(refused) = self.engine.set_properties(&self.robot, world, surfaces) {
+            self.robot.set_properties(&before.0, before.1, before.2);
+            return Err(refused);
+        }
         self.world = world.clone();
-        self.engine.set_properties(&self.robot, surfaces);
         crate::Simulator::reset(self, q, v)
     }
 }

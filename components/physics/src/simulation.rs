@@ -38,8 +38,18 @@ pub trait Engine: Sized {
     /// The surfaces of all colliders.
     fn surfaces(&self) -> Vec<Surface>;
 
-    /// Takes over these surfaces, one for each collider, and the inertias and joints of `robot`. [`reset`](Self::reset) follows.
-    fn set_properties(&mut self, robot: &Robot, surfaces: &[Surface]);
+    /// Takes over these surfaces, one for each collider, the inertias and joints of `robot` and the masses of `world`.
+    /// [`reset`](Self::reset) follows.
+    ///
+    /// # Errors
+    ///
+    /// [`ResetError::Refused`]; nothing has changed then.
+    fn set_properties(
+        &mut self,
+        robot: &Robot,
+        world: &World,
+        surfaces: &[Surface],
+    ) -> Result<(), ResetError>;
 
     /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, axes of the link\] of a link during the next step, besides
     /// those applied before.

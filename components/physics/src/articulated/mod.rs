@@ -16,7 +16,10 @@ use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
-use crate::{BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, StepError, StepReport, World};
+use crate::{
+    BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
+    World,
+};
 use actuators::{Actuators, ActuatorsState};
 pub(crate) use implicit::ExternalImpulses;
 pub use implicit::Singular;
@@ -152,10 +155,11 @@ impl Engine for Articulated {
         self.scene.colliders().surfaces()
     }
 
-    fn set_properties(&mut self, robot: &Robot, surfaces: &[Surface]) {
+    fn set_properties(&mut self, robot: &Robot, _: &World, surfaces: &[Surface]) -> Result<(), ResetError> {
         self.integrator.set_joints(&robot.joints);
         self.actuators.set_limits(&robot.joints);
         self.scene.set_properties(surfaces, robot.model.mass());
+        Ok(())
     }
 
     fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {

@@ -20,7 +20,10 @@ use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
-use crate::{BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, StepError, StepReport, World};
+use crate::{
+    BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
+    World,
+};
 use library::Library;
 pub use library::LibraryError;
 use native::{Kind, Native, Parts};
@@ -64,8 +67,6 @@ pub struct Mujoco {
     options: Options,
     library: &'static Library,
     world: World,
-    /// The model must be compiled anew at the next reset: its numbers have changed.
-    stale: bool,
     colliders: Colliders,
     rays: Rays,
     native: Native,
@@ -242,7 +243,6 @@ impl Engine for Mujoco {
             options: *options,
             library,
             world: world.clone(),
-            stale: false,
             colliders,
             native,
             places,
@@ -254,9 +254,24 @@ impl Engine for Mujoco {
         self.colliders.surfaces()
     }
 
-    fn set_properties(&mut self, _: &Robot, surfaces: &[Surface]) {
+    fn set_properties(
+        &mut self,
+        robot: &Robot,
+        world: &World,
+        surfaces: &[Surface],
+    ) -> Result<(), ResetError> {
+        let before = self.colliders.surfaces();
         self.colliders.set_surfaces(surfaces);
-        self.stale = true;
+        match Self::compile(self.library, robot, world, &self.colliders) {
+            Ok(compiled) => (self.native, self.places, self.geometries) = compiled,
+            Err(error) => {
+                self.colliders.set_surfaces(&before);
+                return Err(ResetError::Refused { reason: error.to_string() });
+            }
+        }
+        self.world = world.clone();
+        self.armatures = (0..robot.model.bodies().len()).map(|body| mjcf::armature(robot, body)).collect();
+        Ok(())
     }
 
     fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {
@@ -269,15 +284,7 @@ impl Engine for Mujoco {
         }
     }
 
-    fn reset(&mut self, robot: &Robot, world: &World) {
-        if core::mem::take(&mut self.stale) {
-            self.world = world.clone();
-            (self.native, self.places, self.geometries) =
-                Self::compile(self.library, robot, world, &self.colliders)
-                    .expect("it was compiled with other inertias and surfaces");
-            self.armatures =
-                (0..robot.model.bodies().len()).map(|body| mjcf::armature(robot, body)).collect();
-        }
+    fn reset(&mut self, _: &Robot, _: &World) {
         self.native.reset();
         self.drives.fill(Drive::Linear);
         self.external.fill(0.0);

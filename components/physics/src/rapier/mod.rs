@@ -22,7 +22,10 @@ use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
-use crate::{BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, StepError, StepReport, World};
+use crate::{
+    BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
+    World,
+};
 use multibody::Multibody;
 pub use scene::Enclose;
 use scene::{Scene, SceneState};
@@ -123,9 +126,10 @@ impl Engine for Rapier {
         self.colliders.surfaces()
     }
 
-    fn set_properties(&mut self, robot: &Robot, surfaces: &[Surface]) {
+    fn set_properties(&mut self, robot: &Robot, _: &World, surfaces: &[Surface]) -> Result<(), ResetError> {
         self.integrator.set_joints(&robot.joints);
         self.colliders.set_surfaces(surfaces);
+        Ok(())
     }
 
     fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {

@@ -18,6 +18,7 @@ mod gait;
 mod integrator;
 mod legged;
 mod mujoco;
+mod mujoco_properties;
 mod panda;
 mod pushes;
 mod randomise;
