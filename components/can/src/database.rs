@@ -146,7 +146,7 @@ impl Database {
     /// Reads a DBC file.
     ///
     /// # Errors
-    /// It is none, a signal does not fit into its message, or two messages have the same identifier.
+    /// The text is no database, a signal does not fit into its message, or two messages have the same identifier.
     pub fn parse(text: &str) -> Result<Self, DatabaseError> {
         let file = Dbc::try_from(text).map_err(|error| DatabaseError::Syntax(error.to_string()))?;
         let mut read = Self { messages: BTreeMap::new(), mask: ALL };

@@ -52,7 +52,7 @@ impl Channel {
         }
     }
 
-    /// Takes note of a sample of its [form topic](Self::form_topic); of another topic it is none of its concern.
+    /// Takes note of a sample of its [form topic](Self::form_topic); samples of other topics are passed over.
     pub fn note(&mut self, topic: usize, bytes: &[u8]) {
         if let Content::Drawn(drawing) = &mut self.content
             && drawing.form_topic() == Some(topic)

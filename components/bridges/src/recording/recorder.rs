@@ -161,7 +161,7 @@ impl Recorder {
                 topics.push(Topic { index, tap: observer.tap(index)?, channels, samples: 0 });
             }
         }
-        // What tells how to read another topic is read before it.
+        // A topic that describes another is read before it.
         let told: Vec<usize> = topics.iter().flat_map(Topic::forms).collect();
         topics.sort_by_key(|topic| !told.contains(&topic.index));
         writer.flush().map_err(of_file)?;

@@ -108,7 +108,7 @@ impl RealBus {
     /// Lets the participants of a virtual bus of the kernel receive a report.
     ///
     /// # Errors
-    /// The kernel refused, or it is none of the kernel.
+    /// The kernel refused the bus, or the bus is not one of the kernel's.
     pub fn inject(&self, report: &Report) -> io::Result<()> {
         match self {
             Self::Socket(bus) => bus.inject(report),

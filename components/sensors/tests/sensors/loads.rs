@@ -253,7 +253,7 @@ fn the_torque_that_a_joint_passes_on_is_that_of_its_drive() {
     }
 }
 
-/// What pushes the rod bears its share: the joint passes on no more than its drive gives.
+/// A push on the rod bears a share of the load: the joint passes on no more than its drive gives.
 #[test]
 fn a_push_of_the_graph_is_among_the_forces_that_the_sensor_knows() {
     let push = "pushes = [{ at = \"100 ms\", duration = \"200 ms\", link = \"tip\", force = [3.0, 0.0, 1.0], torque = [0.0, 0.7, 0.2] }]";
