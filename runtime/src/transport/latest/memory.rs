@@ -36,6 +36,8 @@ const MAGIC: u64 = 0x6d6f_746f_746f_0001;
 /// Bytes of a value from which on the time to fill it outweighs the choice of its slot.
 const LARGE: usize = 16 * 1024;
 const LINE: usize = 64;
+/// Bytes of the two cache lines that processors fetch together.
+const PAIR: usize = 2 * LINE;
 const PAGE: usize = 4096;
 
 /// The first words of the memory: what it holds.
@@ -84,7 +86,8 @@ impl Dimensions {
             TopicPattern::State => topic.history.saturating_add(pins + 2),
             TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => 0,
         };
-        let stride = up_to_multiple(topic.layout.size.saturating_add(value), LINE);
+        // Processors fetch lines in pairs, and the ones after: between two slots lies a pair that nobody uses.
+        let stride = up_to_multiple(topic.layout.size.saturating_add(value), PAIR).saturating_add(PAIR);
         Self { pins, slots, value, stride, size: topic.layout.size }
     }
 

@@ -187,7 +187,9 @@ impl Writer {
             count += 1;
         }
         A::fence(Site::Claim);
-        for (slot, held) in marked[..count].iter().rev() {
+        // The last one is filled first, so the slots are used from the highest to the lowest: a reader's processor fetches
+        // lines beyond the end of what it reads, which here are those of an older value, not of the next to be filled.
+        for (slot, held) in &marked[..count] {
             if is_pinned::<A>(words.pins(), *slot, A::at(Site::Scan, Acquire)) {
                 // Its value is as it was.
                 words.mark(*slot).store(*held, A::at(Site::Mark, Release));

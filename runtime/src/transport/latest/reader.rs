@@ -7,7 +7,7 @@ use std::rc::Rc;
 use super::TopicMemory;
 use super::protocol::{Newest, Pin, Words as _, pin_newest, unpin};
 use crate::atomics::Native;
-use crate::os::{prefetch_read, prefetch_write};
+use crate::os::prefetch_read;
 use crate::state::{Stamp, StateBuffer};
 
 /// A reader of one topic with a pin of its own.
@@ -43,12 +43,7 @@ impl StateReader {
     /// True if something was published since the last look.
     #[inline]
     pub(crate) fn has_news(&self) -> bool {
-        let news = self.memory.newest().number() != self.pinned().number();
-        if !news {
-            // The writer has read the pin when it chose its next slot; the store to come must not wait for the line.
-            prefetch_write(core::ptr::from_ref(self.pin()).cast(), 1);
-        }
-        news
+        self.memory.newest().number() != self.pinned().number()
     }
 
     /// Forgets what was read in the episode before.
