@@ -3,7 +3,7 @@
 use motorium_robots::{ActuatorError, Model};
 
 use crate::joint::JointProperties;
-use crate::{LibraryError, Options, ResetError, WorldError};
+use crate::{LibraryError, Options, ResetError, RobotSetup, WorldError};
 
 /// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -20,6 +20,23 @@ pub enum BuildError {
         /// The robot.
         robot: String,
     },
+    /// No robot at all.
+    #[error(
+        "a simulation needs a robot; for objects alone take one that hangs out of their way, such as `pendulum`"
+    )]
+    NoRobot,
+    /// Two links or two joints of the robots have one name.
+    #[error("two of the robots have a link or a joint \"{name}\"; give each a prefix (`Model::prefixed`)")]
+    Name {
+        /// The name.
+        name: String,
+    },
+    /// Several articulations with the rapier engine.
+    #[error(
+        "the rapier engine simulates one articulation; join robots with fixed bases by `Model::world`, or use \
+         `physics.articulated` (`ArticulatedSimulator`)"
+    )]
+    SeveralArticulations,
     /// A terrain with the rapier engine.
     #[error("the rapier engine simulates no terrain; use `physics.articulated` (`ArticulatedSimulator`)")]
     Terrain,
@@ -124,6 +141,26 @@ pub enum BuildWarning {
         /// The joint.
         joint: String,
     },
+}
+
+impl BuildError {
+    /// Refuses robots that share a name of a link or a joint.
+    pub(crate) fn check_names(setups: &[RobotSetup]) -> Result<(), Self> {
+        if setups.is_empty() {
+            return Err(Self::NoRobot);
+        }
+        for (index, own) in setups.iter().enumerate() {
+            let others = || setups[..index].iter().map(|setup| &setup.model);
+            let links = own.model.frames().iter().map(|frame| &frame.name);
+            let mut links = links.filter(|name| others().any(|other| other.frame(name).is_ok()));
+            let joints = own.model.joint_names().iter();
+            let mut joints = joints.filter(|name| others().any(|other| other.joint_index(name).is_some()));
+            if let Some(name) = links.next().or_else(|| joints.next()) {
+                return Err(Self::Name { name: name.clone() });
+            }
+        }
+        Ok(())
+    }
 }
 
 impl BuildWarning {

@@ -3,7 +3,7 @@
 use motorium_robots::Model;
 
 use crate::properties::Surface;
-use crate::robot::BASE_BOUND;
+use crate::robot::{Articulation, BASE_BOUND};
 use crate::{JointCommand, WorldError};
 
 /// An error of a step. The state is the one before the step.
@@ -81,10 +81,12 @@ pub enum StepError {
 }
 
 impl StepError {
-    /// Entry `index` of the velocity moves nothing with inertia.
-    pub(crate) fn singular(model: &Model, index: usize) -> Self {
+    /// Entry `index` of the velocity of an articulation moves nothing with inertia.
+    pub(crate) fn singular(own: &Articulation, index: usize) -> Self {
+        let model = own.model();
         let joint = index.saturating_sub(model.nv() - model.joint_count());
         let name = model.joint_names().get(joint).map_or("the base", String::as_str).to_owned();
+        let joint = own.joints().start + joint;
         Self::SingularMassMatrix { joint, name }
     }
 
@@ -101,14 +103,9 @@ impl StepError {
 }
 
 impl ResetError {
-    /// Checks length and numbers of a state.
-    pub(crate) fn check(model: &Model, q: &[f64], v: &[f64]) -> Result<(), Self> {
-        let (positions, velocities) = (model.nq(), model.nv());
-        if q.len() != positions || v.len() != velocities {
-            let expected = (positions, velocities);
-            return Err(Self::Length { positions: q.len(), velocities: v.len(), expected });
-        }
-        let (offset, base) = (positions - model.joint_count(), velocities - model.joint_count());
+    /// Checks the numbers of a state of `model`, whose first joint is joint `first` of all.
+    pub(crate) fn check(model: &Model, q: &[f64], v: &[f64], first: usize) -> Result<(), Self> {
+        let (offset, base) = (model.nq() - model.joint_count(), model.nv() - model.joint_count());
         if q[..offset].iter().chain(&v[..base]).any(|x| !x.is_finite())
             || offset > 0 && (q[3..7].iter().map(|x| x * x).sum::<f64>() - 1.0).abs() > 1e-6
         {
@@ -117,6 +114,7 @@ impl ResetError {
         for (joint, name) in model.joint_names().iter().enumerate() {
             let (position, velocity) = (q[offset + joint], v[base + joint]);
             if !(position.is_finite() && velocity.is_finite()) {
+                let joint = first + joint;
                 return Err(Self::NotFinite { joint, name: name.clone(), position, velocity });
             }
         }
@@ -137,7 +135,7 @@ pub enum ResetError {
         positions: usize,
         /// Velocities given.
         velocities: usize,
-        /// Of each for this robot.
+        /// Of each for the robots of the simulation.
         expected: (usize, usize),
     },
     /// A floating base that is nowhere.

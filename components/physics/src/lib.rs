@@ -44,7 +44,7 @@ pub use mujoco::{LibraryError, Mujoco, MujocoSimulator};
 pub use options::Options;
 pub use properties::{Properties, Surface};
 pub use rapier::{Enclose, Rapier, RapierSimulator};
-pub use robot::{Robot, RobotSetup};
+pub use robot::{Articulation, Robot, RobotSetup};
 pub use rotors::RotorDrive;
 pub use simulation::{Engine, Simulation};
 pub use simulator::{

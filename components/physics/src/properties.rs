@@ -42,6 +42,8 @@ pub struct Surface {
 pub struct Properties {
     /// The robot: its inertias, joint dynamics and effort limits. Links, joints and shapes are those of the simulation.
     pub model: Model,
+    /// Of several [articulations](crate::Articulation), the models of those after the first.
+    pub others: Vec<Model>,
     /// The world: gravity, and mass and start of its objects. Which there are, their shapes, and the ground are those of
     /// the simulation; the surfaces here play no part.
     pub world: World,
@@ -53,7 +55,8 @@ impl<E: Engine> Simulation<E> {
     /// The properties as they stand.
     pub fn properties(&self) -> Properties {
         Properties {
-            model: self.robot.model.clone(),
+            model: self.robot.first().model.clone(),
+            others: self.robot.articulations[1..].iter().map(|own| own.model.clone()).collect(),
             world: self.world.clone(),
             surfaces: self.engine.surfaces(),
         }
@@ -69,8 +72,11 @@ impl<E: Engine> Simulation<E> {
     ///
     /// [`ResetError`], also for the properties of another robot or world; nothing has changed then.
     pub fn reset_with(&mut self, properties: &Properties, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
-        let Properties { model, world, surfaces } = properties;
-        let fits = same_robot(&self.robot.model, model)
+        let Properties { model, others, world, surfaces } = properties;
+        let models: Vec<&Model> = core::iter::once(model).chain(others).collect();
+        let articulations = &self.robot.articulations;
+        let fits = models.len() == articulations.len()
+            && articulations.iter().zip(&models).all(|(own, model)| same_robot(&own.model, model))
             && same_world(&self.world, world)
             && surfaces.len() == self.engine.surfaces().len();
         if !fits {
@@ -78,7 +84,8 @@ impl<E: Engine> Simulation<E> {
         }
         // The terrain is that of the simulation: to compute its heights again would take long.
         let level = World { terrain: None, ..world.clone() };
-        let links = model.frames().iter().map(|frame| frame.name.as_str());
+        let frames = models.iter().flat_map(|model| model.frames());
+        let links = frames.map(|frame| frame.name.as_str());
         level.check(links).map_err(ResetError::World)?;
         let sound = |surface: &&Surface| {
             surface.friction.is_finite()
@@ -88,10 +95,12 @@ impl<E: Engine> Simulation<E> {
         if let Some(surface) = surfaces.iter().find(|surface| !sound(surface)) {
             return Err(ResetError::Surface(surface.clone()));
         }
-        ResetError::check(model, q, v)?;
-        let joints = JointProperties::of(model, self.options().armature);
-        let before = (self.robot.model.clone(), self.robot.joints.clone(), self.robot.gravity);
-        self.robot.set_properties(model, joints, world.gravity.into());
+        self.robot.check(q, v)?;
+        let armature = self.options().armature;
+        let joints = models.iter().flat_map(|model| JointProperties::of(model, armature)).collect();
+        let of_all: Vec<Model> = articulations.iter().map(|own| own.model.clone()).collect();
+        let before = (of_all, self.robot.joints.clone(), self.robot.gravity);
+        self.robot.set_properties(models, joints, world.gravity.into());
         if let Err(refused) = self.engine.set_properties(&self.robot, world, surfaces) {
             self.robot.set_properties(&before.0, before.1, before.2);
             return Err(refused);

@@ -32,8 +32,10 @@ impl Rays {
             let object = index.checked_sub(colliders.first_object).filter(|object| *object < objects);
             let pose = match (object, collider.owner) {
                 (Some(object), _) => object_pose(object),
-                (None, Owner::Base) => robot.base_pose() * collider.placement,
-                (None, Owner::Body(body)) => robot.kinematics.body_pose(body) * collider.placement,
+                (None, Owner::Base(of)) => robot.base_pose(of) * collider.placement,
+                (None, Owner::Body(of, body)) => {
+                    robot.articulations[of].kinematics.body_pose(body) * collider.placement
+                }
                 (None, Owner::World | Owner::Object(_)) => collider.placement,
             };
             let nearest = best.map_or(range, |hit| hit.distance);

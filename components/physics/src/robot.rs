@@ -1,5 +1,6 @@
-//! The simulated robot: the part of a simulation that does not depend on the engine.
+//! The simulated robots: the part of a simulation that does not depend on the engine.
 
+use core::ops::Range;
 use std::collections::BTreeMap;
 
 use motorium_robots::{ActuatorSettings, Kinematics, Loaded, Model, Srdf, UnknownFrame};
@@ -55,24 +56,93 @@ impl RobotSetup {
 /// Speed \[m/s\] and rate of turn \[rad/s\] of a base beyond which the simulation no longer means anything.
 pub(crate) const BASE_BOUND: (f64, f64) = (200.0, 1000.0);
 
-/// Model, state, commands and kinematics of a simulated robot, shared by all engines.
-pub struct Robot {
+/// An articulation: a kinematic tree of a simulation with a base of its own.
+///
+/// A robot is one, and several robots with fixed bases may be one together ([`Model::world`]). Each has its range of the
+/// vectors of a [`Simulator`](crate::Simulator).
+///
+/// ```
+/// use motorium_physics::{ArticulatedSimulator, Options, RobotSetup, Simulator, World};
+/// use motorium_robots::load;
+///
+/// let model = load("quadruped", std::path::Path::new("."))?.model;
+/// let robots = ["one/", "two/"].map(|name| RobotSetup::from(model.prefixed(name)));
+/// let mut q = [model.neutral(), model.neutral()].concat();
+/// q[model.nq()] += 1.0; // two starts a metre from one
+/// let simulation = ArticulatedSimulator::of_robots(robots, World::default(), &q, Options::default())?;
+/// let second = &simulation.articulations()[1];
+/// assert_eq!(second.q().start, model.nq());
+/// assert!(simulation.joint_names()[second.drives()][0].starts_with("two/"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Articulation {
     pub(crate) model: Model,
     pub(crate) rotors: Vec<RotorDrive>,
+    /// Poses and velocities of the links in the current state.
+    pub(crate) kinematics: Kinematics,
+    q: Range<usize>,
+    v: Range<usize>,
+    joints: Range<usize>,
+    drives: Range<usize>,
+}
+
+impl Articulation {
+    /// Links, joints, inertias and collision shapes.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Its part of the configurations.
+    pub fn q(&self) -> Range<usize> {
+        self.q.clone()
+    }
+
+    /// Its part of the velocities.
+    pub fn v(&self) -> Range<usize> {
+        self.v.clone()
+    }
+
+    /// Its part of the drives: of the commands, positions, velocities and efforts.
+    pub fn drives(&self) -> Range<usize> {
+        self.drives.clone()
+    }
+
+    /// Its part of the joints of all.
+    pub(crate) fn joints(&self) -> Range<usize> {
+        self.joints.clone()
+    }
+
+    /// Pose of the base in the world, in the configuration `q` of all.
+    pub(crate) fn base_pose(&self, q: &[f64]) -> Isometry3<f64> {
+        if self.model.base().floating { base_pose(&q[self.q()]) } else { Isometry3::identity() }
+    }
+
+    /// Recomputes all that depends on the state of all.
+    fn refresh(&mut self, state: &mut State) {
+        let (q, v) = (&state.q[self.q.clone()], &state.v[self.v.clone()]);
+        let joints = self.drives.start..self.drives.start + self.joints.len();
+        state.positions[joints.clone()].copy_from_slice(self.model.joints_of_q(q));
+        state.velocities[joints].copy_from_slice(self.model.joints_of_v(v));
+        self.kinematics.update_with_velocity(&self.model, q, v);
+    }
+}
+
+/// Articulations, state and commands of a simulation, shared by all engines.
+pub struct Robot {
+    pub(crate) articulations: Vec<Articulation>,
     /// One per independent joint.
     pub(crate) joints: Vec<JointProperties>,
-    /// Names of the drives: joints, then rotors.
+    /// Names of the drives of each articulation: joints, then rotors.
     pub(crate) names: Vec<String>,
     /// One per drive.
     pub(crate) commands: Vec<JointCommand>,
     pub(crate) state: State,
-    /// Poses and velocities of the links in the current state.
-    pub(crate) kinematics: Kinematics,
     /// Acceleration of free fall \[m/s2\].
     pub(crate) gravity: Vector3<f64>,
 }
 
-/// The state of the robot and room for the next one: a step that fails leaves no trace.
+/// The state of all articulations and room for the next one: a step that fails leaves no trace.
 pub(crate) struct State {
     /// nq.
     pub(crate) q: Vec<f64>,
@@ -98,8 +168,8 @@ pub(crate) struct RobotState {
 }
 
 impl State {
-    fn new(model: &Model, drives: usize) -> Self {
-        let (q, v, drive) = (model.neutral(), vec![0.0; model.nv()], vec![0.0; drives]);
+    fn new(q: Vec<f64>, nv: usize, drives: usize) -> Self {
+        let (v, drive) = (vec![0.0; nv], vec![0.0; drives]);
         Self {
             q_next: q.clone(),
             v_next: v.clone(),
@@ -114,20 +184,44 @@ impl State {
 }
 
 impl Robot {
-    pub(crate) fn new(setup: RobotSetup, options: &Options, gravity: Vector3<f64>) -> Self {
-        let RobotSetup { model, rotors, .. } = setup;
-        let names = model.joint_names().iter().chain(rotors.iter().map(|rotor| &rotor.name));
-        let drives = model.joint_count() + rotors.len();
-        Self {
-            names: names.cloned().collect(),
-            state: State::new(&model, drives),
-            joints: JointProperties::of(&model, options.armature),
-            kinematics: Kinematics::new(&model),
-            commands: vec![JointCommand::default(); drives],
-            gravity,
-            rotors,
-            model,
+    pub(crate) fn new(setups: &[RobotSetup], options: &Options, gravity: Vector3<f64>) -> Self {
+        let (mut articulations, mut joints, mut names, mut q) =
+            (Vec::<Articulation>::new(), Vec::new(), Vec::new(), Vec::new());
+        for RobotSetup { model, rotors, .. } in setups {
+            let v = articulations.last().map_or(0, |last| last.v.end);
+            let (joint, drive) = (joints.len(), names.len());
+            names.extend(model.joint_names().iter().chain(rotors.iter().map(|rotor| &rotor.name)).cloned());
+            joints.extend(JointProperties::of(model, options.armature));
+            articulations.push(Articulation {
+                kinematics: Kinematics::new(model),
+                q: q.len()..q.len() + model.nq(),
+                v: v..v + model.nv(),
+                joints: joint..joints.len(),
+                drives: drive..names.len(),
+                model: model.clone(),
+                rotors: rotors.clone(),
+            });
+            q.extend(model.neutral());
         }
+        let nv = articulations.last().map_or(0, |last| last.v.end);
+        Self {
+            state: State::new(q, nv, names.len()),
+            commands: vec![JointCommand::default(); names.len()],
+            articulations,
+            joints,
+            names,
+            gravity,
+        }
+    }
+
+    /// The first articulation: of engines that simulate one alone, the robot.
+    pub(crate) fn first(&self) -> &Articulation {
+        &self.articulations[0]
+    }
+
+    /// Number of velocities.
+    pub(crate) fn nv(&self) -> usize {
+        self.state.v.len()
     }
 
     pub(crate) fn positions(&self) -> &[f64] {
@@ -142,9 +236,9 @@ impl Robot {
         &self.state.efforts
     }
 
-    /// Pose of the base in the world.
-    pub(crate) fn base_pose(&self) -> Isometry3<f64> {
-        if self.model.base().floating { base_pose(&self.state.q) } else { Isometry3::identity() }
+    /// Pose of the base of an articulation in the world.
+    pub(crate) fn base_pose(&self, articulation: usize) -> Isometry3<f64> {
+        self.articulations[articulation].base_pose(&self.state.q)
     }
 
     /// Starts the next state from the current one.
@@ -165,7 +259,7 @@ impl Robot {
 
     /// Sets the current state; efforts and commands become zero.
     pub(crate) fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
-        ResetError::check(&self.model, q, v)?;
+        self.check(q, v)?;
         self.state.q.copy_from_slice(q);
         self.state.v.copy_from_slice(v);
         self.state.efforts.fill(0.0);
@@ -174,14 +268,28 @@ impl Robot {
         Ok(())
     }
 
-    /// Takes over other inertias, joints and gravity, of a robot of the same structure.
-    pub(crate) fn set_properties(
+    /// Checks length and numbers of a state of all articulations.
+    pub(crate) fn check(&self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
+        let expected = (self.state.q.len(), self.state.v.len());
+        if (q.len(), v.len()) != expected {
+            return Err(ResetError::Length { positions: q.len(), velocities: v.len(), expected });
+        }
+        self.articulations
+            .iter()
+            .try_for_each(|own| ResetError::check(&own.model, &q[own.q()], &v[own.v()], own.joints.start))
+    }
+
+    /// Takes over other inertias, joints and gravity, of robots of the same structure.
+    pub(crate) fn set_properties<'a>(
         &mut self,
-        model: &Model,
+        models: impl IntoIterator<Item = &'a Model>,
         joints: Vec<JointProperties>,
         gravity: Vector3<f64>,
     ) {
-        (self.model, self.joints, self.gravity) = (model.clone(), joints, gravity);
+        for (own, model) in self.articulations.iter_mut().zip(models) {
+            own.model = model.clone();
+        }
+        (self.joints, self.gravity) = (joints, gravity);
     }
 
     /// Current state, commands and gravity.
@@ -214,36 +322,42 @@ impl Robot {
 
     /// Recomputes all that depends on the current q and v.
     pub(crate) fn refresh(&mut self) {
-        let Self { model, state, kinematics, .. } = self;
-        let (q, v) = (model.joints_of_q(&state.q), model.joints_of_v(&state.v));
-        state.positions[..q.len()].copy_from_slice(q);
-        state.velocities[..v.len()].copy_from_slice(v);
-        kinematics.update_with_velocity(model, &state.q, &state.v);
+        let Self { articulations, state, .. } = self;
+        articulations.iter_mut().for_each(|articulation| articulation.refresh(state));
     }
 
     /// Number of joints above their velocity limit in the current state.
     pub(crate) fn overspeed(&self) -> usize {
-        let speeds = self.model.joints_of_v(&self.state.v).iter();
-        let limits = self.joints.iter().map(|joint| joint.velocity_limit);
-        speeds.zip(limits).filter(|(v, limit)| v.abs() > *limit).count()
+        let above = |own: &Articulation| {
+            let speeds = own.model.joints_of_v(&self.state.v[own.v()]).iter();
+            let limits = self.joints[own.joints()].iter().map(|joint| joint.velocity_limit);
+            speeds.zip(limits).filter(|(v, limit)| v.abs() > *limit).count()
+        };
+        self.articulations.iter().map(above).sum()
     }
 
     /// Refuses the next state at the end of a step of `dt` \[s\] when it means nothing any more.
     pub(crate) fn verify(&self, dt: f64) -> Result<(), StepError> {
+        self.articulations.iter().try_for_each(|own| self.verify_one(own, dt))
+    }
+
+    fn verify_one(&self, own: &Articulation, dt: f64) -> Result<(), StepError> {
         let State { q, q_next, v_next, tau_next, .. } = &self.state;
-        let (before, after) = (self.model.joints_of_q(q), self.model.joints_of_q(q_next));
-        let v = self.model.joints_of_v(v_next);
-        for (i, joint) in self.joints.iter().enumerate() {
+        let (v_next, first) = (&v_next[own.v()], own.drives.start);
+        let (before, after) = (own.model.joints_of_q(&q[own.q()]), own.model.joints_of_q(&q_next[own.q()]));
+        let v = own.model.joints_of_v(v_next);
+        for (i, joint) in self.joints[own.joints()].iter().enumerate() {
             let bound = joint.divergence_bound();
             // The distance travelled, too: an engine may stop a joint that has already jumped.
             let travel = (after[i] - before[i]) / dt;
             // Written so that NaN fails.
-            if !(v[i].abs() < bound && travel.abs() < bound && tau_next[i].is_finite()) {
+            if !(v[i].abs() < bound && travel.abs() < bound && tau_next[first + i].is_finite()) {
                 let velocity = if travel.abs() < bound { v[i] } else { travel };
-                return Err(StepError::Diverged { joint: i, name: self.names[i].clone(), velocity, bound });
+                let (joint, name) = (own.joints.start + i, self.names[first + i].clone());
+                return Err(StepError::Diverged { joint, name, velocity, bound });
             }
         }
-        if self.model.base().floating {
+        if own.model.base().floating {
             let linear = Vector3::from_column_slice(&v_next[..3]).norm();
             let angular = Vector3::from_column_slice(&v_next[3..6]).norm();
             if !(linear < BASE_BOUND.0 && angular < BASE_BOUND.1) {

@@ -1,10 +1,10 @@
 //! The simulation of a robot in a world, generic over the engine that moves it.
 
-use motorium_robots::{FrameId, Model};
+use motorium_robots::FrameId;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use crate::properties::Surface;
-use crate::robot::{Robot, RobotSetup, RobotState};
+use crate::robot::{Articulation, Robot, RobotSetup, RobotState};
 use crate::{
     BuildError, BuildWarning, Capabilities, Contact, ForeignState, JointCommand, ObjectId, Options, RayHit,
     ResetError, SavedState, Simulator, StepError, StepReport, World,
@@ -21,14 +21,14 @@ pub trait Engine: Sized {
     /// The abilities of the engine.
     const CAPABILITIES: Capabilities;
 
-    /// Sets the engine up for `robot` in `world`. The state of the robot is not set yet: [`reset`](Self::reset)
+    /// Sets the engine up for `robot`, of one articulation for each of `setups`, in `world`. The state of the robot is not set yet: [`reset`](Self::reset)
     /// follows. Doubtful input that can still be simulated is added to `warnings`.
     ///
     /// # Errors
     ///
     /// [`BuildError`] when the engine cannot simulate this robot, or an option does not apply to it.
     fn build(
-        setup: &RobotSetup,
+        setups: &[RobotSetup],
         robot: &Robot,
         world: &World,
         options: &Options,
@@ -53,7 +53,13 @@ pub trait Engine: Sized {
 
     /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, axes of the link\] of a link during the next step, besides
     /// those applied before.
-    fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]);
+    fn apply_wrench(
+        &mut self,
+        robot: &Robot,
+        link: (usize, FrameId),
+        point: &Point3<f64>,
+        wrench: [Vector3<f64>; 2],
+    );
 
     /// Starts from the robot's current state, the objects at rest where the world description has them.
     fn reset(&mut self, robot: &Robot, world: &World);
@@ -125,17 +131,38 @@ impl<E: Engine> Simulation<E> {
         q: &[f64],
         options: Options,
     ) -> Result<Self, BuildError> {
-        let setup = robot.into();
+        Self::of_robots([robot.into()], world, q, options)
+    }
+
+    /// A simulation of several robots in `world`, an [`Articulation`] each, at rest at `q`, which is theirs one after the
+    /// other. Links and joints must differ in their names ([`Model::prefixed`](motorium_robots::Model::prefixed)).
+    ///
+    /// # Errors
+    ///
+    /// [`BuildError`].
+    pub fn of_robots(
+        robots: impl IntoIterator<Item = RobotSetup>,
+        world: World,
+        q: &[f64],
+        options: Options,
+    ) -> Result<Self, BuildError> {
+        let setups: Vec<RobotSetup> = robots.into_iter().collect();
+        BuildError::check_names(&setups)?;
         options.check()?;
-        world.check(setup.model.frames().iter().map(|frame| frame.name.as_str()))?;
-        let robot = Robot::new(setup.clone(), &options, Vector3::from(world.gravity));
+        let frames = setups.iter().flat_map(|setup| setup.model.frames());
+        world.check(frames.map(|frame| frame.name.as_str()))?;
+        let robot = Robot::new(&setups, &options, Vector3::from(world.gravity));
         let mut warnings = Vec::new();
-        let engine = E::build(&setup, &robot, &world, &options, &mut warnings)?;
+        let engine = E::build(&setups, &robot, &world, &options, &mut warnings)?;
+        let nv = robot.nv();
         let mut simulation = Self { robot, engine, options, world, warnings };
-        simulation.reset(q, &vec![0.0; setup.model.nv()])?;
+        simulation.reset(q, &vec![0.0; nv])?;
         let Self { robot, engine, warnings, .. } = &mut simulation;
         engine.exclude_start_overlaps(robot, warnings);
-        BuildWarning::of_joints(&robot.model, &robot.joints, robot.model.joints_of_q(q), warnings);
+        for own in &robot.articulations {
+            let q = own.model.joints_of_q(&q[own.q()]);
+            BuildWarning::of_joints(&own.model, &robot.joints[own.joints()], q, warnings);
+        }
         Ok(simulation)
     }
 
@@ -146,8 +173,8 @@ impl<E: Engine> Simulation<E> {
 }
 
 impl<E: Engine> Simulator for Simulation<E> {
-    fn model(&self) -> &Model {
-        &self.robot.model
+    fn articulations(&self) -> &[Articulation] {
+        &self.robot.articulations
     }
 
     fn warnings(&self) -> &[BuildWarning] {
@@ -250,12 +277,13 @@ impl<E: Engine> Simulator for Simulation<E> {
         self.robot.gravity = gravity;
     }
 
-    fn base_pose(&self) -> Isometry3<f64> {
-        self.robot.base_pose()
+    fn base_pose_of(&self, articulation: usize) -> Isometry3<f64> {
+        self.robot.base_pose(articulation)
     }
 
-    fn frame_pose(&self, frame: FrameId) -> Isometry3<f64> {
-        self.robot.kinematics.pose(&self.robot.model, frame)
+    fn frame_pose_of(&self, (articulation, frame): (usize, FrameId)) -> Isometry3<f64> {
+        let own = &self.robot.articulations[articulation];
+        own.kinematics.pose(&own.model, frame)
     }
 
     fn object(&self, name: &str) -> Option<ObjectId> {
@@ -278,7 +306,13 @@ impl<E: Engine> Simulator for Simulation<E> {
         self.engine.visit_contacts(visit);
     }
 
-    fn apply_wrench(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>, torque: Vector3<f64>) {
+    fn apply_wrench_to(
+        &mut self,
+        link: (usize, FrameId),
+        point: Point3<f64>,
+        force: Vector3<f64>,
+        torque: Vector3<f64>,
+    ) {
         self.engine.apply_wrench(&self.robot, link, &point, [force, torque]);
     }
 }

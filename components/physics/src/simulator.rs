@@ -5,7 +5,7 @@ use core::any::Any;
 use motorium_robots::{FrameId, Model};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::{BuildWarning, JointCommand, ResetError, StepError};
+use crate::{Articulation, BuildWarning, JointCommand, ResetError, StepError};
 
 /// An object of the world. Look it up once with [`Simulator::object`], outside the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -54,7 +54,7 @@ pub struct RayHit<'a> {
 /// free and fixed objects, contacts, rays, commands, reset, save and restore.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capabilities {
-    /// Robots whose base moves freely.
+    /// Robots whose base moves freely, and several of them in one world.
     pub floating_bases: bool,
     /// No step allocates after the first.
     pub allocation_free: bool,
@@ -92,10 +92,11 @@ pub struct StepReport {
     pub near_contact: bool,
 }
 
-/// A simulated robot in a world.
+/// A simulated robot in a world, or several.
 ///
 /// Vectors have one entry per drive: the independent joints of the robot, in the order of
-/// [`motorium_robots::Model::joint_names`], then its rotors, if it has any. Poses are in the world, which is the base
+/// [`motorium_robots::Model::joint_names`], then its rotors, if it has any. With several
+/// [articulations](Simulator::articulations) they are theirs one after the other. Poses are in the world, which is the base
 /// frame of a robot with a fixed base. After construction and the first step nothing here allocates, unless an engine
 /// says so.
 ///
@@ -128,8 +129,13 @@ pub struct StepReport {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub trait Simulator {
-    /// The robot.
-    fn model(&self) -> &Model;
+    /// The articulations: one, or several robots of which at least one moves freely.
+    fn articulations(&self) -> &[Articulation];
+
+    /// The robot: the model of the first articulation.
+    fn model(&self) -> &Model {
+        self.articulations()[0].model()
+    }
 
     /// Doubts about the model or the world, in the order they were found. Nothing is printed anywhere.
     fn warnings(&self) -> &[BuildWarning];
@@ -186,7 +192,18 @@ pub trait Simulator {
 
     /// Applies `force` \[N\] and `torque` \[Nm\], both in world axes, at `point` \[m, axes of the link\] of a link during the next
     /// step, besides those that have been applied before it. A link that is fixed to the world does not move.
-    fn apply_wrench(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>, torque: Vector3<f64>);
+    fn apply_wrench(&mut self, link: FrameId, point: Point3<f64>, force: Vector3<f64>, torque: Vector3<f64>) {
+        self.apply_wrench_to((0, link), point, force, torque);
+    }
+
+    /// [`apply_wrench`](Self::apply_wrench) to a link of the articulation of this index.
+    fn apply_wrench_to(
+        &mut self,
+        link: (usize, FrameId),
+        point: Point3<f64>,
+        force: Vector3<f64>,
+        torque: Vector3<f64>,
+    );
 
     /// The first surface within `range` \[m\] along a ray from `origin` in `direction` (of any length): of the robot, of
     /// an object, of the ground. A ray that starts inside of something does not see it.
@@ -198,13 +215,21 @@ pub trait Simulator {
     /// Sets the acceleration of free fall \[m/s2\].
     fn set_gravity(&mut self, gravity: Vector3<f64>);
 
-    /// Pose of the robot's base in the world.
+    /// Pose of the robot's base in the world: that of the first articulation.
     fn base_pose(&self) -> Isometry3<f64> {
-        Isometry3::identity()
+        self.base_pose_of(0)
     }
 
-    /// Pose of a robot link in the world.
-    fn frame_pose(&self, frame: FrameId) -> Isometry3<f64>;
+    /// Pose of the base of the articulation of this index in the world.
+    fn base_pose_of(&self, articulation: usize) -> Isometry3<f64>;
+
+    /// Pose of a link of the first articulation in the world.
+    fn frame_pose(&self, frame: FrameId) -> Isometry3<f64> {
+        self.frame_pose_of((0, frame))
+    }
+
+    /// Pose of a link of the articulation of this index in the world.
+    fn frame_pose_of(&self, frame: (usize, FrameId)) -> Isometry3<f64>;
 
     /// The object with this name.
     fn object(&self, name: &str) -> Option<ObjectId>;

@@ -27,8 +27,8 @@ pub struct Proximity {
 /// Workspace for the distances of one [`CollisionModel`]. Nothing allocates after [`new`](Self::new); pairs with a
 /// [`MeshMode::Surface`](super::MeshMode) may.
 pub struct Collisions {
-    rotations: Vec<M3>,
-    positions: Vec<V3>,
+    pub(super) rotations: Vec<M3>,
+    pub(super) positions: Vec<V3>,
     /// Direction from the first to the second of each pair when last measured.
     hints: Vec<V3>,
     near: Vec<Proximity>,
@@ -53,16 +53,10 @@ impl Collisions {
         }
     }
 
-    /// Places the robot's solids as `kinematics` stands. Its last update must have been one of all bodies.
+    /// Places the robot's solids as `kinematics` stands. Its last update must have been one of all bodies. Of several
+    /// robots it places the first.
     pub fn update(&mut self, model: &CollisionModel, kinematics: &Kinematics) {
-        for (index, (solid, &slot)) in model.solids.iter().zip(&model.slots).enumerate() {
-            if model.is_obstacle(index) {
-                continue;
-            }
-            let (rotation, position) = kinematics.slot_pose(slot);
-            self.rotations[index] = rotation * solid.rotation;
-            self.positions[index] = position + rotation * solid.position;
-        }
+        self.update_robot(model, 0, kinematics);
     }
 
     /// Moves the obstacle of solid `index`: `pose` places it in the world, instead of the placement it was added with.

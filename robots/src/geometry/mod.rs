@@ -16,6 +16,7 @@ mod jacobian;
 mod mesh;
 mod pairs;
 mod rays;
+mod robots;
 mod search;
 mod shape;
 mod solid;

@@ -86,13 +86,15 @@ pub struct CollisionModel {
     /// The frame each is fixed to, as a slot: base, bodies, world.
     pub(super) slots: Vec<usize>,
     pub(super) pairs: Vec<[usize; 2]>,
+    /// First solid of each robot.
+    pub(super) robots: Vec<usize>,
     /// Solids from here on are obstacles.
     pub(super) robot_solids: usize,
     /// Placement that each obstacle was added with.
     pub(super) obstacle_frames: Vec<Isometry3<f64>>,
     /// Per obstacle: it moves freely.
     free: Vec<bool>,
-    left_out: Vec<CollisionError>,
+    pub(super) left_out: Vec<CollisionError>,
 }
 
 impl std::fmt::Debug for CollisionModel {
@@ -118,6 +120,7 @@ impl CollisionModel {
             solids: Vec::new(),
             slots: Vec::new(),
             pairs: Vec::new(),
+            robots: vec![0],
             robot_solids: 0,
             obstacle_frames: Vec::new(),
             free: Vec::new(),
@@ -210,7 +213,7 @@ impl CollisionModel {
         }
     }
 
-    fn share_surfaces(&mut self) {
+    pub(super) fn share_surfaces(&mut self) {
         for pair in &self.pairs {
             if pair.iter().any(|&solid| self.solids[solid].is_surface()) {
                 pair.iter().for_each(|&solid| self.solids[solid].share());
@@ -292,7 +295,7 @@ impl CollisionModel {
         before - self.pairs.len()
     }
 
-    /// Number of solids: the robot's, then the obstacles.
+    /// Number of solids: the robots', then the obstacles.
     pub fn solid_count(&self) -> usize {
         self.solids.len()
     }
@@ -307,7 +310,7 @@ impl CollisionModel {
         self.solids[index].kind
     }
 
-    /// The frame that solid `index` is fixed to. The base of a robot that stands fixed in the world is
+    /// The frame that solid `index` is fixed to, of its own [robot](Self::robot). The base of a robot that stands fixed in the world is
     /// [`Attachment::Base`], too.
     pub fn attachment(&self, index: usize) -> Attachment {
         match self.slots[index] {

@@ -60,19 +60,15 @@ impl Model {
             return Err(AttachError::InWorld(carrier.name.clone()));
         }
         let at = carrier.placement * placement;
-        let named = |name: &str| format!("{prefix}{name}");
+        let tool = tool.prefixed(prefix);
         let (mut base, mut bodies, mut frames) =
             (self.base.clone(), self.bodies.clone(), self.frames.clone());
 
-        let renamed = |shape: &Shape| Shape { link: named(&shape.link), ..shape.clone() };
-        let shapes = tool.base.shapes.iter().map(|shape| renamed(shape).moved(&at));
+        let shapes = tool.base.shapes.iter().map(|shape| shape.clone().moved(&at));
         weld(&mut base, &mut bodies, carrier.body, &tool.base.inertia.moved(&at), shapes);
 
         let (first, joints) = (bodies.len(), self.joint_count());
-        bodies.extend(tool.bodies.iter().map(|body| {
-            let mut body = Body { name: named(&body.name), ..body.clone() };
-            body.joint.name = named(&body.joint.name);
-            body.shapes = body.shapes.iter().map(renamed).collect();
+        bodies.extend(tool.bodies.into_iter().map(|mut body| {
             body.joint.coordinate = match body.joint.coordinate {
                 Coordinate::Independent(index) => Coordinate::Independent(index + joints),
                 Coordinate::Mimic { of, multiplier, offset } => {
@@ -87,7 +83,7 @@ impl Model {
         }));
         let first_frame = frames.len();
         frames.extend(tool.frames.iter().map(|own| {
-            let name = named(&own.name);
+            let name = own.name.clone();
             let parent = Some(own.parent.map_or(frame.index(), |parent| parent + first_frame));
             match own.body {
                 Some(body) => Frame { name, body: Some(body + first), parent, ..own.clone() },
@@ -104,6 +100,30 @@ impl Model {
         unique("link", frames.iter().map(|frame| &*frame.name))?;
         unique("joint", bodies.iter().map(|body| &*body.joint.name))?;
         Ok(Self::new(self.name.clone(), base, bodies, frames))
+    }
+
+    /// The robot with `prefix` before the names of all its links and joints, such as `left/`: one of several that may be
+    /// of one kind.
+    ///
+    /// ```
+    /// let robot = motorium_robots::load("pendulum", std::path::Path::new("."))?.model;
+    /// assert_eq!(robot.prefixed("left/").joint_names()[0], format!("left/{}", robot.joint_names()[0]));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn prefixed(&self, prefix: &str) -> Self {
+        let named = |name: &str| format!("{prefix}{name}");
+        let renamed = |shape: &Shape| Shape { link: named(&shape.link), ..shape.clone() };
+        let mut base = self.base.clone();
+        base.shapes = base.shapes.iter().map(renamed).collect();
+        base.world_shapes = base.world_shapes.iter().map(renamed).collect();
+        let bodies = self.bodies.iter().map(|body| {
+            let mut body = Body { name: named(&body.name), ..body.clone() };
+            body.joint.name = named(&body.joint.name);
+            body.shapes = body.shapes.iter().map(renamed).collect();
+            body
+        });
+        let frames = self.frames.iter().map(|frame| Frame { name: named(&frame.name), ..frame.clone() });
+        Self::new(self.name.clone(), base, bodies.collect(), frames.collect())
     }
 
     /// The robot carrying something: `inertia` and `shapes`, both in the axes and about the origin of `frame`. It has a

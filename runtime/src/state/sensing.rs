@@ -24,8 +24,8 @@ counted_buffer! {
         counted {
             /// The link that is touched, by its index among the links of the robot's model.
             link, link_mut: u32;
-            /// The other body: the index of an object of the world, or of a link plus 65536; 4294967295 for the ground, 4294967294
-            /// for a push of the graph.
+            /// The other body: the index of an object of the world, or of a link plus 65536; 65535 for a link of another robot,
+            /// 4294967295 for the ground, 4294967294 for a push of the graph.
             other, other_mut: u32;
             /// Position of the point, x, m.
             position_x, position_x_mut: f64;

@@ -26,39 +26,24 @@ pub(super) struct Start<'a> {
     pub(super) bias: &'a [f64],
 }
 
-/// Impulses from outside the robot that depend on its end velocity: contacts.
-pub(crate) trait ExternalImpulses {
-    /// Corrects the end velocity `x` (nv) that drives, friction and stops alone lead to: adds the generalized impulse
-    /// (nv) to `impulse`, which is zero, and its effect to `x`. `factor` is that of the matrix from velocities to
-    /// impulses; a mode fixes the velocity of `held` entries (nv), which no impulse changes.
-    fn apply(&mut self, factor: &MassFactor, held: &[bool], x: &mut [f64], impulse: &mut [f64]);
-}
-
-/// No external impulses.
-pub(crate) struct NoImpulses;
-
-impl ExternalImpulses for NoImpulses {
-    fn apply(&mut self, _: &MassFactor, _: &[bool], _: &mut [f64], _: &mut [f64]) {}
-}
-
 /// Workspace of the active-set iteration.
 #[derive(Clone, Debug)]
 pub(super) struct ImplicitSolver {
     modes: Vec<Mode>,
     laws: Vec<Laws>,
     system: DMatrix<f64>,
-    factor: MassFactor,
+    pub(super) factor: MassFactor,
     /// Entries whose velocity a mode fixes.
-    held: Vec<bool>,
+    pub(super) held: Vec<bool>,
     /// Generalized external impulse.
-    impulse: Vec<f64>,
+    pub(super) impulse: Vec<f64>,
 }
 
 /// Largest number of sweeps of the relaxation, which takes over when the active set cycles.
 const SWEEPS: usize = 200;
 
 /// Guesses of the modes before the relaxation takes over. Nearly always the first is confirmed.
-const GUESSES: usize = 24;
+pub(super) const GUESSES: usize = 24;
 
 impl ImplicitSolver {
     pub(super) fn new(model: &Model) -> Self {
@@ -89,15 +74,12 @@ impl ImplicitSolver {
         fits
     }
 
-    /// The end velocity into `x` (nv), the drive efforts into `tau` (one per joint).
-    pub(super) fn solve(
+    /// Begins a step: the laws of all joints.
+    pub(super) fn begin(
         &mut self,
         (joints, commands, bounds): (&[JointProperties], &[JointCommand], &[[f64; 2]]),
         start: &Start<'_>,
-        impulses: &mut impl ExternalImpulses,
-        x: &mut [f64],
-        tau: &mut [f64],
-    ) -> Result<JointEvents, Singular> {
+    ) {
         let offset = start.v.len() - joints.len();
         self.laws.clear();
         self.laws.resize(offset, Laws::FREE);
@@ -110,46 +92,48 @@ impl ImplicitSolver {
                 _ => {}
             }
         }
-        let mut settled = false;
-        for _ in 0..GUESSES {
-            self.solve_modes(start, impulses, x)?;
-            settled = true;
-            for (i, (laws, mode)) in self.laws.iter().zip(&mut self.modes).enumerate() {
-                let (constant, slope) = laws.force(mode);
-                // What holds a velocity counts only where one is held.
-                let missing = if laws.fixed(mode).is_some() {
-                    let outside = start.bias[i] - self.impulse[i] / start.h;
-                    inertial(start, x, i) / start.h + outside - (constant - slope * x[i])
-                } else {
-                    0.0
-                };
-                let explained = laws.explain(mode, x[i], missing);
-                settled &= explained == *mode;
-                *mode = explained;
-            }
-            if settled {
-                break;
+    }
+
+    /// True where the end velocity `x`, with the external impulses, confirms the modes; otherwise they become those that
+    /// it points to.
+    pub(super) fn confirm(&mut self, start: &Start<'_>, x: &mut [f64]) -> bool {
+        // A velocity that a mode fixes stays exact.
+        for ((laws, mode), x) in self.laws.iter().zip(&self.modes).zip(x.iter_mut()) {
+            if let Some(velocity) = laws.fixed(mode) {
+                *x = velocity;
             }
         }
-        if !settled {
-            self.relax(start, x);
+        let mut settled = true;
+        for (i, (laws, mode)) in self.laws.iter().zip(&mut self.modes).enumerate() {
+            let (constant, slope) = laws.force(mode);
+            // What holds a velocity counts only where one is held.
+            let missing = if laws.fixed(mode).is_some() {
+                let outside = start.bias[i] - self.impulse[i] / start.h;
+                inertial(start, x, i) / start.h + outside - (constant - slope * x[i])
+            } else {
+                0.0
+            };
+            let explained = laws.explain(mode, x[i], missing);
+            settled &= explained == *mode;
+            *mode = explained;
         }
+        settled
+    }
+
+    /// Ends a step: the efforts of the drives (one per joint) at the end velocity `x`.
+    pub(super) fn finish(&self, x: &[f64], tau: &mut [f64]) -> JointEvents {
         let mut events = JointEvents::default();
-        for ((laws, x), tau) in self.laws.iter().zip(x.iter()).skip(offset).zip(tau) {
+        for ((laws, x), tau) in self.laws.iter().zip(x).skip(x.len() - tau.len()).zip(tau) {
             *tau = laws.drive(*x);
             events.saturated += usize::from(laws.is_saturated(*x));
             events.at_limit += usize::from(*x == laws.slowest || *x == laws.fastest);
         }
-        Ok(events)
+        events
     }
 
-    /// The linear system of the current modes: joints with a fixed velocity leave it.
-    fn solve_modes(
-        &mut self,
-        start: &Start<'_>,
-        impulses: &mut impl ExternalImpulses,
-        x: &mut [f64],
-    ) -> Result<(), Singular> {
+    /// The end velocity of the current modes without external impulses, into `x` (nv): a linear system, which joints with
+    /// a fixed velocity leave.
+    pub(super) fn solve_modes(&mut self, start: &Start<'_>, x: &mut [f64]) -> Result<(), Singular> {
         self.system.copy_from(start.mass);
         for (i, (laws, mode)) in self.laws.iter().zip(&self.modes).enumerate() {
             let (constant, slope) = laws.force(mode);
@@ -177,19 +161,12 @@ impl ImplicitSolver {
         self.factor.factor(&self.system).map_err(|singular| Singular(singular.index))?;
         self.factor.solve(x);
         self.impulse.fill(0.0);
-        impulses.apply(&self.factor, &self.held, x, &mut self.impulse);
-        // A velocity that a mode fixes stays exact.
-        for ((laws, mode), x) in self.laws.iter().zip(&self.modes).zip(x) {
-            if let Some(velocity) = laws.fixed(mode) {
-                *x = velocity;
-            }
-        }
         Ok(())
     }
 
     /// Gauss-Seidel on the joints, each solved exactly: slower than the active set, but it always converges because the
     /// problem is convex. External impulses stay as they were last. The next step starts with fresh modes.
-    fn relax(&mut self, start: &Start<'_>, x: &mut [f64]) {
+    pub(super) fn relax(&mut self, start: &Start<'_>, x: &mut [f64]) {
         for _ in 0..SWEEPS {
             let mut change = 0.0_f64;
             for (i, laws) in self.laws.iter().enumerate() {

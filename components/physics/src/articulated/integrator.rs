@@ -3,9 +3,10 @@
 use motorium_robots::{Dynamics, Model};
 use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
 
-use super::implicit::{ExternalImpulses, ImplicitSolver, NoImpulses, Singular, Start};
+use super::implicit::{GUESSES, ImplicitSolver, Singular, Start};
 use super::laws::Mode;
 use crate::JointCommand;
+use crate::contact::ImpulseTarget;
 use crate::joint::JointProperties;
 
 /// A joint-space integrator: it moves a robot that touches nothing by one integration step at a time.
@@ -138,22 +139,28 @@ impl JointSpaceIntegrator {
         h: f64,
         tau: &mut [f64],
     ) -> Result<JointEvents, Singular> {
-        self.advance_among(model, (q, v), commands, (gravity, &[]), h, &mut NoImpulses, tau)
+        self.begin(model, (&*q, &*v), commands, (gravity, &[]), h);
+        let mut settled = false;
+        for _ in 0..GUESSES {
+            self.find_free(model, (&*q, &*v), h)?;
+            settled = self.confirm(model, (&*q, &*v), h);
+            if settled {
+                break;
+            }
+        }
+        Ok(self.finish(model, (q, v), (h, settled), tau))
     }
 
-    /// [`advance`](Self::advance) with external loads: `force` is a generalized force besides gravity (nv, or empty),
-    /// `impulses` depend on the end velocity.
-    #[expect(clippy::too_many_arguments, reason = "as advance")]
-    pub(crate) fn advance_among(
+    /// Begins a step; `force` is a generalized force besides gravity (nv, or empty). Guesses follow, each
+    /// [`find_free`](Self::find_free), impulses of contacts and [`confirm`](Self::confirm), then [`finish`](Self::finish).
+    pub(super) fn begin(
         &mut self,
         model: &Model,
-        (q, v): (&mut [f64], &mut [f64]),
+        (q, v): (&[f64], &[f64]),
         commands: &[JointCommand],
         (gravity, force): (Vector3<f64>, &[f64]),
         h: f64,
-        impulses: &mut impl ExternalImpulses,
-        tau: &mut [f64],
-    ) -> Result<JointEvents, Singular> {
+    ) {
         self.dynamics.bias(model, q, v, gravity, self.bias.as_mut_slice());
         for (bias, force) in self.bias.iter_mut().zip(force) {
             *bias -= force;
@@ -171,12 +178,50 @@ impl JointSpaceIntegrator {
             }
         }
         let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
+        self.solver.begin((&self.joints, commands, &self.bounds), &start);
+    }
+
+    /// The end velocity of the present modes without impulses of contacts.
+    pub(super) fn find_free(
+        &mut self,
+        model: &Model,
+        (q, v): (&[f64], &[f64]),
+        h: f64,
+    ) -> Result<(), Singular> {
+        let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
+        self.solver.solve_modes(&start, self.v_next.as_mut_slice())
+    }
+
+    /// True where the end velocity confirms the modes; otherwise the next guess has others.
+    pub(super) fn confirm(&mut self, model: &Model, (q, v): (&[f64], &[f64]), h: f64) -> bool {
+        let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
+        self.solver.confirm(&start, self.v_next.as_mut_slice())
+    }
+
+    /// Ends a step: advances `q` and `v`, and writes the efforts of the drives. Modes that no guess confirmed
+    /// (`settled` is false) are found by relaxation.
+    pub(super) fn finish(
+        &mut self,
+        model: &Model,
+        (q, v): (&mut [f64], &mut [f64]),
+        (h, settled): (f64, bool),
+        tau: &mut [f64],
+    ) -> JointEvents {
         let x = self.v_next.as_mut_slice();
-        let drives = (&self.joints[..], commands, &self.bounds[..]);
-        let events = self.solver.solve(drives, &start, impulses, x, tau)?;
+        if !settled {
+            let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
+            self.solver.relax(&start, x);
+        }
+        let events = self.solver.finish(x, tau);
         integrate_position(model, q, x, h);
         v.copy_from_slice(x);
-        Ok(events)
+        events
+    }
+
+    /// The end velocity as impulses of contacts move it.
+    pub(super) fn target(&mut self) -> ImpulseTarget<'_> {
+        let ImplicitSolver { factor, held, impulse, .. } = &mut self.solver;
+        ImpulseTarget { factor, held, x: self.v_next.as_mut_slice(), impulse }
     }
 }
 

@@ -8,20 +8,20 @@ mod laws;
 mod push;
 mod step;
 
-use motorium_robots::{Dynamics, FrameId, Kinematics};
+use motorium_robots::{Dynamics, FrameId, Kinematics, Momentum};
 use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
 
-use crate::contact::{Colliders, ContactScene, SceneState};
+use crate::contact::{Colliders, ContactScene, ImpulseTarget, MovedByImpulses, SceneState};
+use crate::joint::JointProperties;
 use crate::properties::Surface;
 use crate::rays::Rays;
-use crate::robot::{Robot, RobotSetup};
+use crate::robot::{Articulation, Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
 use crate::{
     BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
     World,
 };
 use actuators::{Actuators, ActuatorsState};
-pub(crate) use implicit::ExternalImpulses;
 pub use implicit::Singular;
 pub use integrator::{JointEvents, JointSpaceIntegrator};
 pub(crate) use laws::{Drive, Laws, Mode};
@@ -64,8 +64,8 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// ```
 ///
 /// with contact impulses `lambda` that keep surfaces from overlapping and friction in Coulomb's cone
-/// ([`JointSpaceIntegrator`] has the other terms). Free objects of the world are part of the same problem. The method
-/// is semi-implicit Euler, of first order in h.
+/// ([`JointSpaceIntegrator`] has the other terms). Several articulations and the free objects of the world are part of
+/// the same problem; what no contact joins is solved apart. The method is semi-implicit Euler, of first order in h.
 ///
 /// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders and the
 /// outermost points of meshes, each against the surface of the other collider. Where these miss a
@@ -77,12 +77,22 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// Nothing allocates after the simulation has been built.
 pub struct Articulated {
     options: Options,
+    /// One per articulation.
+    parts: Vec<Part>,
+    scene: ContactScene,
+    rays: Rays,
+    /// Poses of the bases, as all was placed last.
+    bases: Vec<Isometry3<f64>>,
+    /// Length of the last integration step \[s\].
+    h: f64,
+}
+
+/// The workspace of an articulation.
+struct Part {
     integrator: JointSpaceIntegrator,
     dynamics: Dynamics,
     /// Of the next state, between integration steps of one step.
     kinematics: Kinematics,
-    scene: ContactScene,
-    rays: Rays,
     /// Generalized force of the rotors (nv).
     rotor_force: Vec<f64>,
     /// Generalized force from outside during the next step (nv).
@@ -90,8 +100,36 @@ pub struct Articulated {
     actuators: Actuators,
     frame_jacobian: DMatrix<f64>,
     momentum_map: DMatrix<f64>,
-    /// Length of the last integration step \[s\].
-    h: f64,
+    /// Momentum at the start of an integration step in the air.
+    momentum: Option<Momentum>,
+    /// Its modes are to be guessed again.
+    pending: bool,
+    settled: bool,
+}
+
+impl Part {
+    fn new(own: &Articulation, setup: &RobotSetup, joints: &[JointProperties]) -> Result<Self, BuildError> {
+        let model = own.model();
+        Ok(Self {
+            actuators: Actuators::new(setup, joints)?,
+            integrator: JointSpaceIntegrator::new(model, joints.to_vec()),
+            dynamics: Dynamics::new(model),
+            kinematics: Kinematics::new(model),
+            rotor_force: vec![0.0; model.nv()],
+            external: vec![0.0; model.nv()],
+            frame_jacobian: DMatrix::zeros(6, model.nv()),
+            momentum_map: DMatrix::zeros(6, model.nv()),
+            momentum: None,
+            pending: false,
+            settled: false,
+        })
+    }
+}
+
+impl MovedByImpulses for Part {
+    fn target(&mut self) -> ImpulseTarget<'_> {
+        self.integrator.target()
+    }
 }
 
 /// A contact force on a link of the robot.
@@ -113,11 +151,15 @@ const INSIDE: f64 = 1e-3;
 
 /// The state of an [`Articulated`] engine that later steps depend on.
 pub struct ArticulatedState {
-    modes: Vec<Mode>,
+    parts: Vec<PartState>,
     scene: SceneState,
+    h: f64,
+}
+
+struct PartState {
+    modes: Vec<Mode>,
     external: Vec<f64>,
     actuators: ActuatorsState,
-    h: f64,
 }
 
 impl Engine for Articulated {
@@ -126,27 +168,22 @@ impl Engine for Articulated {
     const CAPABILITIES: Capabilities = Capabilities { floating_bases: true, allocation_free: true };
 
     fn build(
-        setup: &RobotSetup,
+        setups: &[RobotSetup],
         robot: &Robot,
         world: &World,
         options: &Options,
         warnings: &mut Vec<BuildWarning>,
     ) -> Result<Self, BuildError> {
-        let model = &robot.model;
-        let actuators = Actuators::new(setup, &robot.joints)?;
-        let colliders = Colliders::new(setup, world, options, warnings);
+        let articulations = robot.articulations.iter().zip(setups);
+        let parts = articulations.map(|(own, setup)| Part::new(own, setup, &robot.joints[own.joints()]));
+        let parts = parts.collect::<Result<Vec<_>, _>>()?;
+        let colliders = Colliders::new(setups, world, options, warnings);
         Ok(Self {
-            actuators,
             rays: Rays::new(&colliders),
             options: *options,
-            integrator: JointSpaceIntegrator::new(model, robot.joints.clone()),
-            dynamics: Dynamics::new(model),
-            kinematics: Kinematics::new(model),
-            scene: ContactScene::new(model, colliders, world),
-            rotor_force: vec![0.0; model.nv()],
-            external: vec![0.0; model.nv()],
-            frame_jacobian: DMatrix::zeros(6, model.nv()),
-            momentum_map: DMatrix::zeros(6, model.nv()),
+            bases: vec![Isometry3::identity(); parts.len()],
+            parts,
+            scene: ContactScene::new(robot, colliders, world),
             h: 1e-3,
         })
     }
@@ -156,22 +193,32 @@ impl Engine for Articulated {
     }
 
     fn set_properties(&mut self, robot: &Robot, _: &World, surfaces: &[Surface]) -> Result<(), ResetError> {
-        self.integrator.set_joints(&robot.joints);
-        self.actuators.set_limits(&robot.joints);
-        self.scene.set_properties(surfaces, robot.model.mass());
+        for (part, own) in self.parts.iter_mut().zip(&robot.articulations) {
+            part.integrator.set_joints(&robot.joints[own.joints()]);
+            part.actuators.set_limits(&robot.joints[own.joints()]);
+        }
+        self.scene.set_properties(surfaces, &robot.articulations);
         Ok(())
     }
 
-    fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {
-        self.add_wrench(robot, link, point, wrench);
+    fn apply_wrench(
+        &mut self,
+        robot: &Robot,
+        (of, link): (usize, FrameId),
+        point: &Point3<f64>,
+        wrench: [Vector3<f64>; 2],
+    ) {
+        self.parts[of].add_wrench(&robot.articulations[of], link, point, wrench);
     }
 
     fn reset(&mut self, robot: &Robot, world: &World) {
-        self.integrator.forget();
-        self.actuators.reset();
-        self.external.fill(0.0);
+        for part in &mut self.parts {
+            part.integrator.forget();
+            part.actuators.reset();
+            part.external.fill(0.0);
+        }
         self.scene.restart(world);
-        self.scene.set_poses(&robot.kinematics, &robot.base_pose());
+        self.place(robot);
     }
 
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
@@ -182,7 +229,7 @@ impl Engine for Articulated {
                 return;
             }
             self.scene.exclude(&close);
-            self.scene.set_poses(&robot.kinematics, &robot.base_pose());
+            self.place(robot);
         }
     }
 
@@ -191,34 +238,37 @@ impl Engine for Articulated {
     }
 
     fn commit(&mut self, robot: &Robot, dt: f64) {
-        self.actuators.commit(&robot.commands, dt);
-        self.external.fill(0.0);
+        for (part, own) in self.parts.iter_mut().zip(&robot.articulations) {
+            part.actuators.commit(&robot.commands[own.drives()], dt);
+        }
+        self.discard();
         self.scene.objects.commit();
     }
 
     fn discard(&mut self) {
-        self.external.fill(0.0);
+        self.parts.iter_mut().for_each(|part| part.external.fill(0.0));
     }
 
     fn save(&self) -> ArticulatedState {
-        ArticulatedState {
-            modes: self.integrator.modes().to_vec(),
-            scene: self.scene.save(),
-            external: self.external.clone(),
-            actuators: self.actuators.save(),
-            h: self.h,
-        }
+        let part = |part: &Part| PartState {
+            modes: part.integrator.modes().to_vec(),
+            external: part.external.clone(),
+            actuators: part.actuators.save(),
+        };
+        ArticulatedState { parts: self.parts.iter().map(part).collect(), scene: self.scene.save(), h: self.h }
     }
 
     fn restore(&mut self, _: &Robot, state: &ArticulatedState) -> bool {
-        if !self.scene.fits(&state.scene)
-            || !self.actuators.restore(&state.actuators)
-            || !self.integrator.set_modes(&state.modes)
-        {
+        if !self.scene.fits(&state.scene) || self.parts.len() != state.parts.len() {
             return false;
         }
+        for (part, saved) in self.parts.iter_mut().zip(&state.parts) {
+            if !part.actuators.restore(&saved.actuators) || !part.integrator.set_modes(&saved.modes) {
+                return false;
+            }
+            part.external.copy_from_slice(&saved.external);
+        }
         self.scene.restore(&state.scene);
-        self.external.copy_from_slice(&state.external);
         self.h = state.h;
         true
     }
@@ -257,13 +307,21 @@ impl Engine for Articulated {
                 normal: point.normal,
                 depth: (-point.distance).max(0.0),
                 force,
-                friction: self.scene.impulses.vector(index) / self.h - point.normal * force,
+                friction: self.scene.impulses.vector(index, &point.normal) / self.h - point.normal * force,
             });
         }
     }
 }
 
 impl Articulated {
+    /// Places all colliders as the robots stand, and the objects in their next state.
+    fn place(&mut self, robot: &Robot) {
+        for (of, base) in self.bases.iter_mut().enumerate() {
+            *base = robot.base_pose(of);
+        }
+        self.scene.set_poses(|of| &robot.articulations[of].kinematics, &self.bases);
+    }
+
     /// Pairs of links closer than [`TOO_CLOSE`], with a warning each; warns of links inside other things, too.
     fn close_links(&mut self, warnings: &mut Vec<BuildWarning>) -> Vec<[usize; 2]> {
         let mut close = Vec::new();
@@ -301,32 +359,39 @@ impl Articulated {
 
 impl Simulation<Articulated> {
     /// Moves a floating base up or down until the robot stands on the ground plane or the terrain, or on the plane z = 0
-    /// without one, and stops it. A robot without collision shapes stays where it is.
+    /// without one, and stops it; of several, all. A robot without collision shapes stays where it is.
     pub fn place_on_ground(&mut self) {
+        (0..self.engine.parts.len()).for_each(|of| self.place_one_on_ground(of));
+    }
+
+    /// [`place_on_ground`](Self::place_on_ground) for the articulation of this index.
+    pub fn place_one_on_ground(&mut self, articulation: usize) {
         let height = self.world.ground.map_or(0.0, |ground| ground.height);
-        let lowest = self.engine.scene.lowest();
-        let lowest = self.engine.scene.above_terrain().unwrap_or(lowest);
+        let lowest = self.engine.scene.lowest(articulation);
+        let lowest = self.engine.scene.above_terrain(articulation).unwrap_or(lowest);
         let robot = &mut self.robot;
-        if robot.model.base().floating && lowest.is_finite() {
-            robot.state.q[2] += height - lowest;
-            robot.state.v.fill(0.0);
+        let own = &robot.articulations[articulation];
+        if own.model.base().floating && lowest.is_finite() {
+            robot.state.q[own.q().start + 2] += height - lowest;
+            robot.state.v[own.v()].fill(0.0);
             robot.refresh();
-            self.engine.scene.set_poses(&robot.kinematics, &robot.base_pose());
+            self.engine.place(&self.robot);
         }
     }
 
-    /// Sum of the contact forces on the robot, those between its own links excepted, during the last integration step
+    /// Sum of the contact forces on the robot, those between links of robots excepted, during the last integration step
     /// \[N\], world axes.
     pub fn contact_force(&self) -> Vector3<f64> {
         self.engine.scene.force_on_robot(self.engine.h)
     }
 
-    /// Passes each contact force on a moving link of the robot, friction included, of the last integration step to
+    /// Passes each contact force on a moving link of a robot, friction included, of the last integration step to
     /// `visit`. A force between two of its links is passed twice, once for each.
     pub fn visit_forces(&self, visit: &mut dyn FnMut(&LinkForce<'_>)) {
         let scene = &self.engine.scene;
         for (index, contact, first, second) in scene.points() {
-            let (point, force) = (contact.point, scene.impulses.vector(index) / self.engine.h);
+            let (point, force) =
+                (contact.point, scene.impulses.vector(index, &contact.normal) / self.engine.h);
             if contact.owners.0.is_robot() {
                 visit(&LinkForce { link: &first.name, point, force });
             }

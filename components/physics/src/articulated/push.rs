@@ -3,9 +3,9 @@
 use motorium_robots::{FrameId, Reference};
 use nalgebra::{Point3, Vector3};
 
-use super::Articulated;
+use super::{Articulated, Part};
 use crate::Simulator;
-use crate::robot::Robot;
+use crate::robot::Articulation;
 use crate::simulation::Simulation;
 
 impl Simulation<Articulated> {
@@ -42,18 +42,18 @@ impl Simulation<Articulated> {
     }
 }
 
-impl Articulated {
+impl Part {
     /// Adds the generalized force of a wrench at a point of a link to that of the next step.
     pub(super) fn add_wrench(
         &mut self,
-        robot: &Robot,
+        own: &Articulation,
         link: FrameId,
         point: &Point3<f64>,
         [force, torque]: [Vector3<f64>; 2],
     ) {
         let jacobian = &mut self.frame_jacobian;
-        robot.kinematics.jacobian(&robot.model, link, Reference::LocalWorldAligned, jacobian);
-        let arm = robot.kinematics.pose(&robot.model, link).rotation * point.coords;
+        own.kinematics.jacobian(&own.model, link, Reference::LocalWorldAligned, jacobian);
+        let arm = own.kinematics.pose(&own.model, link).rotation * point.coords;
         let torque = torque + arm.cross(&force);
         for (external, column) in self.external.iter_mut().zip(jacobian.column_iter()) {
             for axis in 0..3 {

@@ -1,23 +1,25 @@
 //! The step of the articulated engine.
 
+use core::ops::Range;
+
 use nalgebra::{Matrix6, Vector3, Vector6};
 
 use motorium_robots::Reference;
 
-use super::{Articulated, Singular};
-use crate::contact::ContactResponse;
-use crate::robot::{Robot, base_pose};
-use crate::{StepError, StepReport};
+use super::implicit::GUESSES;
+use super::{Articulated, JointEvents, Part, Singular};
+use crate::robot::{Articulation, Robot, State};
+use crate::{JointCommand, StepError, StepReport};
 
 /// Closer than this to a contact, contacts decide the length of the integration steps \[m\].
 const NEAR: f64 = 0.010;
 
 impl Articulated {
-    /// The robot's and the objects' next state, `dt` \[s\] after the current one.
+    /// The next state of the robots and the objects, `dt` \[s\] after the current one.
     pub(super) fn advance_by(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
         self.scene.objects.begin();
-        self.actuators.begin();
-        self.scene.set_poses(&robot.kinematics, &robot.base_pose());
+        self.parts.iter_mut().for_each(|part| part.actuators.begin());
+        self.place(robot);
         let near = self.scene.detect(dt, NEAR).iter().any(|point| point.distance < NEAR);
         let steps = if near { self.options.contact_iterations } else { self.options.substeps };
         let mut report = StepReport::default();
@@ -25,10 +27,15 @@ impl Articulated {
         for step in 0..steps {
             if step > 0 {
                 let state = &robot.state;
-                self.kinematics.update_with_velocity(&robot.model, &state.q_next, &state.v_next);
-                let base =
-                    if robot.model.base().floating { base_pose(&state.q_next) } else { robot.base_pose() };
-                self.scene.set_poses(&self.kinematics, &base);
+                for ((part, own), base) in
+                    self.parts.iter_mut().zip(&robot.articulations).zip(&mut self.bases)
+                {
+                    let (q, v) = (&state.q_next[own.q()], &state.v_next[own.v()]);
+                    part.kinematics.update_with_velocity(&own.model, q, v);
+                    *base = own.base_pose(&state.q_next);
+                }
+                let parts = &self.parts;
+                self.scene.set_poses(|of| &parts[of].kinematics, &self.bases);
                 self.scene.detect(h, 0.0);
             }
             self.integrate(robot, step == 0, h, &mut report)?;
@@ -36,7 +43,7 @@ impl Articulated {
         Ok(report)
     }
 
-    /// One integration step of `h` \[s\] of the next state. Robot and objects have been placed; before the `first`
+    /// One integration step of `h` \[s\] of the next state. Robots and objects have been placed; before the `first`
     /// step the next state is the current one.
     fn integrate(
         &mut self,
@@ -45,12 +52,70 @@ impl Articulated {
         h: f64,
         report: &mut StepReport,
     ) -> Result<(), StepError> {
-        let Robot { model, rotors, commands, state, gravity, .. } = robot;
-        let kinematics = if first { &robot.kinematics } else { &self.kinematics };
-        self.scene.prepare(model, kinematics, &state.v_next, (gravity, h));
+        let Robot { articulations, commands, state, gravity, .. } = robot;
+        let Self { parts, scene, .. } = self;
+        let kinematics =
+            |of: usize| if first { &articulations[of].kinematics } else { &parts[of].kinematics };
+        scene.prepare(articulations, kinematics, &state.v_next, (gravity, h));
+        for (of, (part, own)) in parts.iter_mut().zip(&*articulations).enumerate() {
+            part.begin((own, first), (&commands[own.drives()], state), (gravity, h), || scene.is_held(of));
+        }
+        for _ in 0..GUESSES {
+            for (part, own) in parts.iter_mut().zip(&*articulations).filter(|(part, _)| part.pending) {
+                let now = (&state.q_next[own.q()], &state.v_next[own.v()]);
+                let found = part.integrator.find_free(&own.model, now, h);
+                found.map_err(|Singular(index)| StepError::singular(own, index))?;
+            }
+            scene.impulses.solve(parts);
+            let mut settled = true;
+            for (of, (part, own)) in parts.iter_mut().zip(&*articulations).enumerate() {
+                if part.pending {
+                    let now = (&state.q_next[own.q()], &state.v_next[own.v()]);
+                    part.settled = part.integrator.confirm(&own.model, now, h);
+                    part.pending = !part.settled;
+                    settled &= part.settled;
+                    if part.pending {
+                        scene.impulses.solve_again(of);
+                    }
+                }
+            }
+            if settled {
+                break;
+            }
+            for (of, part) in parts.iter_mut().enumerate() {
+                part.pending |= scene.impulses.is_pending(of);
+            }
+        }
+        let (mut saturated, mut at_limit) = (0, 0);
+        for (part, own) in parts.iter_mut().zip(&*articulations) {
+            let events = part.finish(own, state, gravity, h);
+            saturated += events.saturated;
+            at_limit += events.at_limit;
+        }
+        scene.impulses.push_objects(&mut scene.objects.next);
+        scene.objects.move_on(h);
+        self.h = h;
+        report.saturated = report.saturated.max(saturated);
+        report.at_limit = at_limit;
+        report.near_contact |= self.scene.on_robot();
+        Ok(())
+    }
+}
+
+impl Part {
+    /// Begins an integration step. `is_held` tells that something outside touches the robot, or soon may.
+    fn begin(
+        &mut self,
+        (own, first): (&Articulation, bool),
+        (commands, state): (&[JointCommand], &mut State),
+        (gravity, h): (&Vector3<f64>, f64),
+        is_held: impl Fn() -> bool,
+    ) {
+        let (model, rotors) = (&own.model, &own.rotors);
+        let kinematics = if first { &own.kinematics } else { &self.kinematics };
         let (commands, rotor_commands) = commands.split_at(model.joint_count());
-        let (tau, thrusts) = state.tau_next.split_at_mut(model.joint_count());
         self.rotor_force.copy_from_slice(&self.external);
+        let thrusts = &mut state.tau_next[own.drives()][model.joint_count()..];
         for ((rotor, command), thrust) in rotors.iter().zip(rotor_commands).zip(thrusts) {
             *thrust = rotor.thrust(command);
             kinematics.jacobian(model, rotor.frame, Reference::Local, &mut self.frame_jacobian);
@@ -58,44 +123,50 @@ impl Articulated {
                 *force += *thrust * (column[2] + rotor.torque_per_thrust * column[5]);
             }
         }
+        let (q, v) = (&state.q_next[own.q()], &state.v_next[own.v()]);
         let alone = rotors.is_empty() && self.external.iter().all(|force| *force == 0.0);
-        let in_the_air = model.base().floating && alone && !self.scene.between_robot_and_world();
-        let before = in_the_air.then(|| self.dynamics.momentum(model, &state.q_next, &state.v_next));
-        let offset = state.v_next.len() - model.joint_count();
-        let commands = self.actuators.pass(commands, (&state.v_next[offset..], h), &mut self.integrator);
-        let events = self.integrator.advance_among(
-            model,
-            (&mut state.q_next, &mut state.v_next),
-            commands,
-            (*gravity, &self.rotor_force),
-            h,
-            &mut ContactResponse(&mut self.scene.impulses),
-            tau,
-        );
-        let events = events.map_err(|Singular(index)| StepError::singular(model, index))?;
+        let in_the_air = model.base().floating && alone && !is_held();
+        self.momentum = in_the_air.then(|| self.dynamics.momentum(model, q, v));
+        let commands = self.actuators.pass(commands, (model.joints_of_v(v), h), &mut self.integrator);
+        self.integrator.begin(model, (q, v), commands, (*gravity, &self.rotor_force), h);
+        (self.pending, self.settled) = (true, false);
+    }
+
+    /// Ends an integration step.
+    fn finish(
+        &mut self,
+        own: &Articulation,
+        state: &mut State,
+        gravity: &Vector3<f64>,
+        h: f64,
+    ) -> JointEvents {
+        let model = &own.model;
+        let joints: Range<usize> = own.drives().start..own.drives().start + model.joint_count();
+        let State { q_next, v_next, tau_next, .. } = state;
+        let (q, v, tau) = (&mut q_next[own.q()], &mut v_next[own.v()], &mut tau_next[joints]);
+        let events = self.integrator.finish(model, (&mut *q, &mut *v), (h, self.settled), tau);
         self.actuators.apply(tau, h);
-        if let Some(before) = before {
+        if let Some(before) = self.momentum.take() {
             let linear = before.linear + *gravity * (h * model.mass());
-            self.keep_momentum(robot, linear, before.angular);
+            self.keep_momentum(own, (q, v), linear, before.angular);
         }
-        self.scene.impulses.push_objects(&mut self.scene.objects.next);
-        self.scene.objects.move_on(h);
-        self.h = h;
-        report.saturated = report.saturated.max(events.saturated);
-        report.at_limit = events.at_limit;
-        report.near_contact |= self.scene.on_robot();
-        Ok(())
+        events
     }
 
     /// Corrects the velocity of the base in the next state so that the robot has this momentum \[kg m/s, kg m2/s\],
     /// about the centre of mass.
-    fn keep_momentum(&mut self, robot: &mut Robot, linear: Vector3<f64>, angular: Vector3<f64>) {
-        let state = &mut robot.state;
-        self.dynamics.centroidal_map(&robot.model, &state.q_next, &mut self.momentum_map);
+    fn keep_momentum(
+        &mut self,
+        own: &Articulation,
+        (q, v): (&[f64], &mut [f64]),
+        linear: Vector3<f64>,
+        angular: Vector3<f64>,
+    ) {
+        self.dynamics.centroidal_map(&own.model, q, &mut self.momentum_map);
         let mut missing = Vector6::zeros();
         missing.fixed_rows_mut::<3>(0).copy_from(&linear);
         missing.fixed_rows_mut::<3>(3).copy_from(&angular);
-        for (column, v) in self.momentum_map.column_iter().zip(&state.v_next) {
+        for (column, v) in self.momentum_map.column_iter().zip(&*v) {
             // Entry by entry: a scaled column of this matrix would be a new one on the heap.
             for (missing, entry) in missing.iter_mut().zip(column.iter()) {
                 *missing -= entry * v;
@@ -103,7 +174,7 @@ impl Articulated {
         }
         let base: Matrix6<f64> = self.momentum_map.fixed_view::<6, 6>(0, 0).into_owned();
         if let Some(correction) = base.lu().solve(&missing) {
-            for (v, correction) in state.v_next.iter_mut().zip(correction.iter()) {
+            for (v, correction) in v.iter_mut().zip(correction.iter()) {
                 *v += correction;
             }
         }

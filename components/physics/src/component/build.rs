@@ -1,15 +1,17 @@
 //! Setting up the simulation of a component.
 
 use core::ops::Range;
+use std::collections::BTreeMap;
 
 use motorium::declare::{ConfigError, RobotReference};
 use motorium::state::MAX_JOINTS;
 use motorium::telemetry::set_apart;
-use motorium_robots::{BasePose, LoadOptions, Loaded, Model, Placed, RobotSource, Srdf};
-use nalgebra::{Isometry3, Translation3};
+use motorium_robots::{BasePose, LoadOptions, Loaded, RobotSource};
+use nalgebra::Translation3;
 
 use super::actuators;
 use super::config::{self, PhysicsConfig};
+use super::placing::{Placing, together};
 use crate::{Articulated, ArticulatedSimulator, Engine, Mujoco, Rapier, RobotSetup, Simulation, Simulator};
 
 /// The simulation of a component, and the robots in it.
@@ -25,6 +27,8 @@ pub(super) struct BuiltRobot {
     /// Its name in the graph, where there are several.
     pub(super) name: Option<String>,
     pub(super) loaded: Loaded,
+    /// The articulation that it is, or is part of.
+    pub(super) articulation: usize,
     /// Its drives among those of the simulation.
     pub(super) drives: Range<usize>,
 }
@@ -35,10 +39,9 @@ impl BuiltRobot {
         self.name.as_ref().map_or_else(|| port.to_string(), |name| format!("{name}.{port}"))
     }
 
-    /// Its part of a text of the simulation: names of links and joints begin with that of the robot where there are
-    /// several.
-    fn prefix(name: &str) -> String {
-        format!("{name}/")
+    /// Its links and joints begin with this in the simulation: nothing where it is the only one.
+    pub(super) fn prefix(&self) -> String {
+        self.name.as_ref().map(|name| format!("{name}/")).unwrap_or_default()
     }
 }
 
@@ -56,7 +59,10 @@ pub(super) fn build<E: PhysicsEngine>(
     }
 }
 
-fn load(config: &PhysicsConfig, robot: &RobotReference) -> Result<(RobotSetup, Loaded), ConfigError> {
+pub(super) fn load(
+    config: &PhysicsConfig,
+    robot: &RobotReference,
+) -> Result<(RobotSetup, Loaded), ConfigError> {
     let options = LoadOptions { base: config.base_mode(), ..LoadOptions::default() };
     let pose = robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy });
     let source = RobotSource {
@@ -93,12 +99,14 @@ fn one<E: PhysicsEngine>(config: &PhysicsConfig, robot: &RobotReference) -> Resu
     let q = config::configuration(&loaded.model, &base.unwrap_or(above), &joints);
     let mut simulation =
         Simulation::new(setup, config.world.clone(), &q, config.solver).map_err(config::refused)?;
-    E::prepare(&mut simulation, base.is_none());
     let on_ground = loaded.model.base().floating && base.is_none();
-    Ok(Built { simulation, robots: vec![BuiltRobot { name: None, loaded, drives: 0..drives }], on_ground })
+    E::prepare(&mut simulation, if on_ground { &[0] } else { &[] });
+    let robot = BuiltRobot { name: None, loaded, articulation: 0, drives: 0..drives };
+    Ok(Built { simulation, robots: vec![robot], on_ground })
 }
 
-/// Several robots with fixed bases, as one model: their trees stand side by side in the world.
+/// Several robots. Each that moves freely is an articulation, and those with fixed bases are one together: their trees
+/// stand side by side in the world.
 fn several<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robots: &[RobotReference],
@@ -111,80 +119,60 @@ fn several<E: PhysicsEngine>(
         let message = format!("`{name}` is not one of the robots of this component");
         return Err(ConfigError::key(format!("start.{name}"), message));
     }
-    let (mut built, mut rules, mut q, mut drives) = (Vec::new(), Srdf::default(), Vec::new(), 0);
-    for robot in robots {
-        let (setup, loaded) = load(config, robot)?;
-        if loaded.model.base().floating {
-            let message = format!("robot `{}` has a floating base, which stands alone so far", robot.name);
-            return Err(ConfigError::key("robots", message)
-                .advise("fix it by `floating = false`, or give it a component of its own"));
+    let loaded = robots.iter().map(|robot| Placing::load(config, robot)).collect::<Result<Vec<_>, _>>()?;
+    let floats = |index: usize| loaded[index].loaded.model.base().floating;
+    let fixed: Vec<usize> = (0..loaded.len()).filter(|index| !floats(*index)).collect();
+    // The one of the fixed robots stands where the first of them does.
+    let groups: Vec<Vec<usize>> = (0..loaded.len())
+        .filter(|index| floats(*index) || fixed.first() == Some(index))
+        .map(|index| if floats(index) { vec![index] } else { fixed.clone() })
+        .collect();
+    let (mut places, mut drives) = (vec![(0, 0..0); loaded.len()], 0);
+    for (articulation, group) in groups.iter().enumerate() {
+        for index in group {
+            let count = loaded[*index].drives();
+            places[*index] = (articulation, drives..drives + count);
+            drives += count;
         }
-        let start = config.start.get(&robot.name).cloned().unwrap_or_default();
-        let own = PhysicsConfig {
-            pose: start.pose.or(config.pose.clone()),
-            position: start.position,
-            ..config.clone()
-        };
-        q.extend(own.start(&loaded).map_err(|error| inside(error, &robot.name))?);
-        rules.extend(setup.collision_rules.prefixed(&BuiltRobot::prefix(&robot.name)));
-        let count = loaded.model.joint_count();
-        built.push(BuiltRobot { name: Some(robot.name.clone()), loaded, drives: drives..drives + count });
-        drives += count;
     }
     if drives > MAX_JOINTS {
         let message = format!("the robots have {drives} joints together, at most {MAX_JOINTS} fit");
         return Err(ConfigError::key("robots", message).advise("simulate some of them in another component"));
     }
-    rules.enabled.extend(between(&built));
-    let prefixes: Vec<String> = robots.iter().map(|robot| BuiltRobot::prefix(&robot.name)).collect();
-    let placed: Vec<Placed<'_>> = built
-        .iter()
-        .zip(&prefixes)
-        // each model stands where the graph has it already
-        .map(|(robot, prefix)| Placed {
-            model: &robot.loaded.model,
-            prefix,
-            placement: Isometry3::identity(),
-        })
-        .collect();
-    let model =
-        Model::world("world", &placed).map_err(|error| ConfigError::key("robots", error.to_string()))?;
-    let actuators = actuators::settings(config.actuator.as_ref(), &config.actuators, &model)?;
-    let setup = RobotSetup { collision_rules: rules, actuators, ..RobotSetup::from(model) };
+    let setups = groups.iter().map(|group| {
+        let members: Vec<&Placing> = group.iter().map(|index| &loaded[*index]).collect();
+        if floats(group[0]) { Ok(members[0].alone()) } else { together(&members) }
+    });
+    let mut setups = setups.collect::<Result<Vec<_>, _>>()?;
+    set_actuators(config, &mut setups)?;
+    let q: Vec<f64> = groups.iter().flatten().flat_map(|index| loaded[*index].q.clone()).collect();
     let mut simulation =
-        Simulation::new(setup, config.world.clone(), &q, config.solver).map_err(config::refused)?;
-    E::prepare(&mut simulation, false);
-    Ok(Built { simulation, robots: built, on_ground: false })
+        Simulation::of_robots(setups, config.world.clone(), &q, config.solver).map_err(config::refused)?;
+    let anywhere: Vec<usize> =
+        (0..loaded.len()).filter(|index| loaded[*index].anywhere).map(|index| places[index].0).collect();
+    E::prepare(&mut simulation, &anywhere);
+    let built = loaded.into_iter().zip(robots).zip(places);
+    let built = built.map(|((own, robot), (articulation, drives))| BuiltRobot {
+        name: Some(robot.name.clone()),
+        loaded: own.loaded,
+        articulation,
+        drives,
+    });
+    Ok(Built { simulation, robots: built.collect(), on_ground: false })
 }
 
-/// An error about the start of one of several robots.
-fn inside(error: ConfigError, robot: &str) -> ConfigError {
-    match &error.key {
-        Some(key) => ConfigError { key: Some(format!("start.{robot}.{key}")), ..error },
-        None => error,
+/// Gives each articulation the actuators of its joints.
+fn set_actuators(config: &PhysicsConfig, setups: &mut [RobotSetup]) -> Result<(), ConfigError> {
+    let owner = |name: &String| setups.iter().position(|setup| setup.model.joint_index(name).is_some());
+    let mut of_joints = vec![BTreeMap::new(); setups.len()];
+    for (name, actuator) in &config.actuators {
+        // A name that no robot has is refused with the first.
+        of_joints[owner(name).unwrap_or(0)].insert(name.clone(), *actuator);
     }
-}
-
-/// Pairs of links near the bases of two robots. Within one robot such links never touch: a joint joins them, or they are
-/// neighbours; and in the common model all bases are one.
-fn between(robots: &[BuiltRobot]) -> Vec<(String, String)> {
-    let near = |robot: &BuiltRobot| -> Vec<String> {
-        let model = &robot.loaded.model;
-        let first = model.bodies().iter().filter(|body| body.parent.is_none());
-        let shapes = model.base_shapes().iter().chain(first.flat_map(|body| &body.shapes));
-        let prefix = robot.name.as_deref().map(BuiltRobot::prefix).unwrap_or_default();
-        let mut links: Vec<String> = shapes.map(|shape| format!("{prefix}{}", shape.link)).collect();
-        links.dedup();
-        links
-    };
-    let near: Vec<Vec<String>> = robots.iter().map(near).collect();
-    let mut pairs = Vec::new();
-    for (index, links) in near.iter().enumerate() {
-        for other in &near[index + 1..] {
-            pairs.extend(links.iter().flat_map(|a| other.iter().map(move |b| (a.clone(), b.clone()))));
-        }
+    for (setup, of_joints) in setups.iter_mut().zip(&of_joints) {
+        setup.actuators = actuators::settings(config.actuator.as_ref(), of_joints, &setup.model)?;
     }
-    pairs
+    Ok(())
 }
 
 /// An engine with a component kind of its own.
@@ -194,19 +182,17 @@ pub trait PhysicsEngine: Engine + Send + 'static {
     /// One line on the kind.
     const SUMMARY: &'static str;
 
-    /// Prepares a new simulation for its component; `placed_anywhere` when the configuration does not say where a
-    /// floating base starts.
-    fn prepare(simulation: &mut Simulation<Self>, placed_anywhere: bool);
+    /// Prepares a new simulation for its component; of the articulations `anywhere` the configuration does not say where
+    /// the floating base starts.
+    fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]);
 }
 
 impl PhysicsEngine for Articulated {
     const KIND: &'static str = "physics.articulated";
     const SUMMARY: &'static str = "simulates robots in a world of simple objects, with contacts";
 
-    fn prepare(simulation: &mut Simulation<Self>, placed_anywhere: bool) {
-        if placed_anywhere {
-            simulation.place_on_ground();
-        }
+    fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]) {
+        anywhere.iter().for_each(|articulation| simulation.place_one_on_ground(*articulation));
     }
 }
 
@@ -214,7 +200,7 @@ impl PhysicsEngine for Rapier {
     const KIND: &'static str = "physics.rapier";
     const SUMMARY: &'static str = "simulates robots with fixed bases by the rapier engine";
 
-    fn prepare(simulation: &mut Simulation<Self>, _: bool) {
+    fn prepare(simulation: &mut Simulation<Self>, _: &[usize]) {
         simulation.enclose_rapier(|call| set_apart(call));
     }
 }
@@ -223,17 +209,18 @@ impl PhysicsEngine for Mujoco {
     const KIND: &'static str = "physics.mujoco";
     const SUMMARY: &'static str = "simulates robots by MuJoCo, where its library is installed";
 
-    fn prepare(simulation: &mut Simulation<Self>, placed_anywhere: bool) {
-        if !placed_anywhere {
+    fn prepare(simulation: &mut Simulation<Self>, anywhere: &[usize]) {
+        if anywhere.is_empty() {
             return;
         }
         // The same shapes stand on the same ground.
-        let (model, world) = (simulation.model().clone(), simulation.world.clone());
-        let (q, options) = (simulation.configuration().to_vec(), *simulation.options());
-        if let Ok(mut twin) = ArticulatedSimulator::new(model, world, &q, options) {
-            twin.place_on_ground();
+        let (world, options) = (simulation.world.clone(), *simulation.options());
+        let robots = simulation.articulations().iter().map(|own| RobotSetup::from(own.model().clone()));
+        let (robots, q) = (robots.collect::<Vec<_>>(), simulation.configuration().to_vec());
+        if let Ok(mut twin) = ArticulatedSimulator::of_robots(robots, world, &q, options) {
+            anywhere.iter().for_each(|articulation| twin.place_one_on_ground(*articulation));
             let placed = simulation.reset(twin.configuration(), twin.velocity());
-            placed.expect("the same robot has the same coordinates");
+            placed.expect("the same robots have the same coordinates");
         }
     }
 }

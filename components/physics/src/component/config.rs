@@ -223,6 +223,9 @@ pub(super) fn refused(error: BuildError) -> ConfigError {
         BuildError::World(_) | BuildError::Terrain => ConfigError::key("world", message),
         BuildError::Option { name, .. } => ConfigError::key(format!("solver.{name}"), message),
         BuildError::State(_) => ConfigError::key("position", message),
+        BuildError::NoRobot | BuildError::Name { .. } | BuildError::SeveralArticulations => {
+            ConfigError::key("robots", message)
+        }
         BuildError::Library(_) | BuildError::Refused { .. } => ConfigError::new(message),
         BuildError::FloatingBase { robot } => {
             let message =

@@ -2,12 +2,12 @@
 
 use motorium::declare::ConfigError;
 use motorium::units::TimeSpan;
-use motorium_robots::{FrameId, Model};
+use motorium_robots::FrameId;
 use nalgebra::{Point3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::{Engine, Simulation, Simulator};
+use crate::{Articulation, Engine, Simulation, Simulator};
 
 /// A force and a torque on a link of the robot from one time of a run, or of an episode, to another.
 ///
@@ -24,7 +24,7 @@ pub struct PushConfig {
     pub at: TimeSpan,
     /// Its duration.
     pub duration: TimeSpan,
-    /// Link that is pushed. Without it: the base.
+    /// Link that is pushed; with several robots `ROBOT/LINK`. Without it: the base, of the first robot.
     #[serde(default)]
     pub link: Option<String>,
     /// Point of the link at which it acts, in the axes of the link, m. Default: its origin.
@@ -44,22 +44,27 @@ pub(super) struct Pushes(Vec<Push>);
 struct Push {
     from_ns: u64,
     to_ns: u64,
-    link: FrameId,
+    /// Its articulation, and its index among the frames of that.
+    link: (usize, FrameId),
     point: Point3<f64>,
     force: Vector3<f64>,
     torque: Vector3<f64>,
 }
 
 impl Pushes {
-    /// Checks the pushes for a robot.
-    pub(super) fn new(configs: &[PushConfig], model: &Model) -> Result<Self, ConfigError> {
+    /// Checks the pushes for the robots.
+    pub(super) fn new(configs: &[PushConfig], robots: &[Articulation]) -> Result<Self, ConfigError> {
         let push = |(index, config): (usize, &PushConfig)| {
             let key = |name: &str| format!("pushes[{index}].{name}");
-            let link = match &config.link {
-                Some(link) => model.frame(link),
-                None => model.frame(&model.frames()[0].name),
+            let first = robots[0].model();
+            let name = config.link.as_ref().unwrap_or(&first.frames()[0].name);
+            let found = |(of, own): (usize, &Articulation)| Some((of, own.model().frame(name).ok()?));
+            let unknown =
+                |error: motorium_robots::UnknownFrame| ConfigError::key(key("link"), error.to_string());
+            let link = match robots.iter().enumerate().find_map(found) {
+                Some(link) => link,
+                None => (0, first.frame(name).map_err(unknown)?),
             };
-            let link = link.map_err(|error| ConfigError::key(key("link"), error.to_string()))?;
             for (name, numbers) in
                 [("point", config.point), ("force", config.force), ("torque", config.torque)]
             {
@@ -87,12 +92,12 @@ impl Pushes {
         configs.iter().enumerate().map(push).collect::<Result<_, _>>().map(Self)
     }
 
-    /// The pushes of the time `now_ns`, as forces at points: the link by its index among the frames, the point in its axes \[m\], the
+    /// The pushes of the time `now_ns`, as forces at points: the link by its articulation and its index among the frames, the point in its axes \[m\], the
     /// force in world axes \[N\]. A torque is a pair of forces half a metre from the point each.
     pub(super) fn forces(
         &self,
         now_ns: u64,
-    ) -> impl Iterator<Item = (FrameId, Point3<f64>, Vector3<f64>, Vector3<f64>)> {
+    ) -> impl Iterator<Item = ((usize, FrameId), Point3<f64>, Vector3<f64>, Vector3<f64>)> + Clone {
         let active = self.0.iter().filter(move |push| (push.from_ns..push.to_ns).contains(&now_ns));
         active.flat_map(|push| {
             let force = (push.force != Vector3::zeros()).then(|| (push.force, Vector3::zeros()));
@@ -105,7 +110,7 @@ impl Pushes {
     /// Applies the pushes of the time `now_ns` to the next step of the simulation.
     pub(super) fn apply<E: Engine>(&self, simulation: &mut Simulation<E>, now_ns: u64) {
         for push in self.0.iter().filter(|push| (push.from_ns..push.to_ns).contains(&now_ns)) {
-            simulation.apply_wrench(push.link, push.point, push.force, push.torque);
+            simulation.apply_wrench_to(push.link, push.point, push.force, push.torque);
         }
     }
 }

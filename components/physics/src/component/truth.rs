@@ -7,6 +7,7 @@ use motorium::transport::Output;
 use motorium_robots::FrameId;
 use nalgebra::{Point3, Vector3};
 
+use super::build::BuiltRobot;
 use crate::{Engine, Simulation, Simulator, World};
 
 /// `other` of a contact with the ground.
@@ -15,25 +16,38 @@ const GROUND: u32 = u32::MAX;
 /// `other` of a push of the graph.
 const PUSH: u32 = u32::MAX - 1;
 
+/// `other` of a contact with a link of another robot.
+const OTHER_ROBOT: u32 = 65_535;
+
 /// `other` of a contact with the link of index 0 of the same robot.
 const FIRST_LINK: u32 = 65_536;
 
 /// The outputs of the truth that is no joint state and no base state. An output that is not wired costs nothing.
 pub(super) struct Truth {
-    contacts: Option<Output<Contacts>>,
+    /// One for each robot.
+    contacts: Vec<Touched>,
     objects: Option<Output<ObjectPoses>>,
-    /// Names of the links, sorted, with their indices among the links of the model.
-    links: Vec<(String, u32)>,
     /// Names of the objects, sorted, with their indices in the world.
     names: Vec<(String, u32)>,
     /// One for each object that is published.
     ids: Vec<crate::ObjectId>,
 }
 
-/// Declares the outputs: contacts of a robot that is alone, poses where there are objects.
-pub(super) fn declare(robots: usize, world: &World, declare: &mut Declare) {
-    if robots == 1 {
-        declare.output::<Contacts>("contacts", "contact points on the robot after the step");
+/// The contacts of one robot.
+struct Touched {
+    output: Output<Contacts>,
+    articulation: usize,
+    /// Number of links before its own among those of its articulation.
+    first: u32,
+    /// Names of its links, sorted, with their indices among the links of its model.
+    links: Vec<(String, u32)>,
+}
+
+/// Declares the outputs: contacts of each robot, poses where there are objects.
+pub(super) fn declare(robots: &[BuiltRobot], world: &World, declare: &mut Declare) {
+    for robot in robots {
+        let doc = "contact points on the robot after the step";
+        declare.output::<Contacts>(&robot.port("contacts"), doc);
     }
     if !world.objects.is_empty() {
         declare.output::<ObjectPoses>("object_poses", "poses of the objects after the step");
@@ -43,25 +57,30 @@ pub(super) fn declare(robots: usize, world: &World, declare: &mut Declare) {
 impl Truth {
     /// Opens the outputs that [`declare`] declared.
     pub(super) fn open<E: Engine>(
-        robots: usize,
+        robots: &[BuiltRobot],
         simulation: &Simulation<E>,
         setup: &mut Setup,
     ) -> Result<Self, ConfigureError> {
         let world = &simulation.world;
-        let mut links: Vec<_> = (0..)
-            .zip(simulation.model().frames())
-            .map(|(index, frame)| (frame.name.clone(), index))
-            .collect();
+        let mut contacts = Vec::new();
+        for robot in robots {
+            let (model, prefix) = (&robot.loaded.model, robot.prefix());
+            let named = (0..).zip(model.frames()).map(|(i, frame)| (format!("{prefix}{}", frame.name), i));
+            let mut links: Vec<(String, u32)> = named.collect();
+            let frames = simulation.articulations()[robot.articulation].model();
+            let first = frames.frame(&links[0].0).map_err(ConfigureError::failed)?.index() as u32;
+            links.sort();
+            let output = setup.named_output(&robot.port("contacts"))?;
+            contacts.push(Touched { output, articulation: robot.articulation, first, links });
+        }
         let mut names: Vec<_> =
             (0..).zip(&world.objects).map(|(index, object)| (object.name.clone(), index)).collect();
-        links.sort();
         names.sort();
         let ids = world.objects.iter().take(MAX_OBJECTS).filter_map(|object| simulation.object(&object.name));
         let ids = ids.collect();
         Ok(Self {
-            contacts: if robots == 1 { Some(setup.output("contacts")?) } else { None },
+            contacts,
             objects: if world.objects.is_empty() { None } else { Some(setup.output("object_poses")?) },
-            links,
             names,
             ids,
         })
@@ -71,48 +90,11 @@ impl Truth {
     pub(super) fn publish<E: Engine>(
         &mut self,
         simulation: &Simulation<E>,
-        pushes: impl Iterator<Item = (FrameId, Point3<f64>, Vector3<f64>, Vector3<f64>)>,
+        pushes: impl Iterator<Item = Push> + Clone,
     ) -> Result<(), StepError> {
-        let Self { contacts, objects, links, names, ids } = self;
-        if let Some(output) = contacts.as_mut().filter(|output| output.is_wired()) {
-            let mut points = output.loan()?;
-            let mut count = 0;
-            points.set_count(MAX_CONTACTS);
-            let mut add =
-                |link: u32, other: u32, (point, force, depth): (&Point3<f64>, &Vector3<f64>, f64)| {
-                    if count == MAX_CONTACTS {
-                        return;
-                    }
-                    points.link_mut()[count] = link;
-                    points.other_mut()[count] = other;
-                    points.position_x_mut()[count] = point.x;
-                    points.position_y_mut()[count] = point.y;
-                    points.position_z_mut()[count] = point.z;
-                    points.force_x_mut()[count] = force.x;
-                    points.force_y_mut()[count] = force.y;
-                    points.force_z_mut()[count] = force.z;
-                    points.depth_mut()[count] = depth;
-                    count += 1;
-                };
-            for (link, point, arm, force) in pushes {
-                let at = simulation.frame_pose(link) * point + arm;
-                add(link.index() as u32, PUSH, (&at, &force, 0.0));
-            }
-            simulation.visit_contacts(&mut |contact| {
-                let on_second = contact.normal * contact.force + contact.friction;
-                for (link, other, force) in
-                    [(contact.second, contact.first, on_second), (contact.first, contact.second, -on_second)]
-                {
-                    let Some(link) = find(links, link) else { continue };
-                    let other = find(links, other)
-                        .map(|link| FIRST_LINK + link)
-                        .or_else(|| find(names, other))
-                        .unwrap_or(GROUND);
-                    add(link, other, (&contact.point, &force, contact.depth));
-                }
-            });
-            points.set_count(count);
-            points.publish()?;
+        let Self { contacts, objects, names, ids } = self;
+        for own in contacts.iter_mut().filter(|own| own.output.is_wired()) {
+            own.publish(simulation, pushes.clone(), names)?;
         }
         if let Some(output) = objects.as_mut().filter(|output| output.is_wired()) {
             let mut poses = output.loan()?;
@@ -131,6 +113,62 @@ impl Truth {
             }
             poses.publish()?;
         }
+        Ok(())
+    }
+}
+
+/// A push: the link by its articulation and its index there, point in the axes of the link, arm from it and force in those
+/// of the world.
+type Push = ((usize, FrameId), Point3<f64>, Vector3<f64>, Vector3<f64>);
+
+impl Touched {
+    fn publish<E: Engine>(
+        &mut self,
+        simulation: &Simulation<E>,
+        pushes: impl Iterator<Item = Push>,
+        names: &[(String, u32)],
+    ) -> Result<(), StepError> {
+        let Self { output, articulation, first, links } = self;
+        let mut points = output.loan()?;
+        let mut count = 0;
+        points.set_count(MAX_CONTACTS);
+        let mut add = |link: u32, other: u32, (point, force, depth): (&Point3<f64>, &Vector3<f64>, f64)| {
+            if count == MAX_CONTACTS {
+                return;
+            }
+            points.link_mut()[count] = link;
+            points.other_mut()[count] = other;
+            points.position_x_mut()[count] = point.x;
+            points.position_y_mut()[count] = point.y;
+            points.position_z_mut()[count] = point.z;
+            points.force_x_mut()[count] = force.x;
+            points.force_y_mut()[count] = force.y;
+            points.force_z_mut()[count] = force.z;
+            points.depth_mut()[count] = depth;
+            count += 1;
+        };
+        for (link, point, arm, force) in pushes {
+            let index = (link.1.index() as u32).checked_sub(*first);
+            let index = index.filter(|index| link.0 == *articulation && (*index as usize) < links.len());
+            let Some(index) = index else { continue };
+            let at = simulation.frame_pose_of(link) * point + arm;
+            add(index, PUSH, (&at, &force, 0.0));
+        }
+        simulation.visit_contacts(&mut |contact| {
+            let on_second = contact.normal * contact.force + contact.friction;
+            for (link, other, force) in
+                [(contact.second, contact.first, on_second), (contact.first, contact.second, -on_second)]
+            {
+                let Some(link) = find(links, link) else { continue };
+                let other = find(links, other)
+                    .map(|link| FIRST_LINK + link)
+                    .or_else(|| find(names, other))
+                    .unwrap_or(if matches!(other, "ground" | "terrain") { GROUND } else { OTHER_ROBOT });
+                add(link, other, (&contact.point, &force, contact.depth));
+            }
+        });
+        points.set_count(count);
+        points.publish()?;
         Ok(())
     }
 }

@@ -1,6 +1,6 @@
 //! Ways and speeds of colliders, which carry a bound of the distance of two from step to step.
 
-use motorium_robots::{Collisions, Kinematics};
+use motorium_robots::{Collisions, Kinematics, Twist};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::colliders::{Collider, Owner};
@@ -19,7 +19,7 @@ pub(super) struct Motion {
     speed: [f64; 2],
 }
 
-/// Motion of the base since colliders were followed last.
+/// Motion of the base of an articulation since colliders were followed last.
 #[derive(Clone, Debug)]
 struct BaseMotion {
     rotation: Matrix3<f64>,
@@ -28,6 +28,7 @@ struct BaseMotion {
     turn: Matrix3<f64>,
     /// Position the last time.
     before: Vector3<f64>,
+    velocity: Twist,
 }
 
 /// Motions of all colliders.
@@ -38,12 +39,15 @@ struct BaseMotion {
 #[derive(Clone, Debug)]
 pub(super) struct Motions {
     colliders: Vec<Motion>,
-    base: Option<BaseMotion>,
+    /// One per articulation that floats.
+    bases: Vec<Option<BaseMotion>>,
+    /// Per articulation: it floats.
+    floating: Vec<bool>,
 }
 
-/// The part of a motion that counts for a pair: 1 where both belong to a robot, whose base is the same.
-pub(super) fn part(pair: [&Collider; 2]) -> usize {
-    usize::from(pair.iter().all(|collider| collider.owner.is_robot()))
+/// The part of a motion that counts for a pair: 1 where both belong to one articulation, whose base is the same.
+pub(super) fn part([a, b]: [&Collider; 2]) -> usize {
+    usize::from(a.owner.is_robot() && a.owner.articulation() == b.owner.articulation())
 }
 
 impl Motions {
@@ -53,7 +57,14 @@ impl Motions {
             let reach = if moves { collider.shape.bounding_radius() } else { 0.0 };
             Motion { reach, last: None, way: [0.0; 2], speed: [0.0; 2] }
         };
-        Self { colliders: colliders.iter().map(motion).collect(), base: None }
+        let count = colliders.iter().filter_map(|collider| collider.owner.articulation()).max();
+        let floats = |of| colliders.iter().any(|collider| collider.owner == Owner::Base(of));
+        let floating: Vec<bool> = (0..count.map_or(0, |last| last + 1)).map(floats).collect();
+        Self {
+            colliders: colliders.iter().map(motion).collect(),
+            bases: vec![None; floating.len()],
+            floating,
+        }
     }
 
     /// Starts anew: nothing has moved.
@@ -61,25 +72,28 @@ impl Motions {
         for motion in &mut self.colliders {
             (motion.last, motion.way, motion.speed) = (None, [0.0; 2], [0.0; 2]);
         }
-        self.base = None;
+        self.bases.fill(None);
     }
 
-    /// Follows all colliders to where `places` has them now, moving as `kinematics` and `objects` say.
-    pub(super) fn follow(
+    /// Follows all colliders to where `places` has them now, moving as the `kinematics` of articulations and `objects` say.
+    pub(super) fn follow<'a>(
         &mut self,
         colliders: &[Collider],
         places: &Collisions,
-        (kinematics, base): (&Kinematics, &Isometry3<f64>),
+        (kinematics, bases): (impl Fn(usize) -> &'a Kinematics, &[Isometry3<f64>]),
         objects: &[FreeBody],
     ) {
-        let floating = colliders.iter().any(|collider| collider.owner == Owner::Base);
-        let base = self.follow_base(base);
-        let carrier = kinematics.body_velocity(None);
+        for of in 0..self.bases.len() {
+            if self.floating[of] {
+                self.follow_base(of, &bases[of], kinematics(of).body_velocity(None));
+            }
+        }
         for (index, (motion, collider)) in self.colliders.iter_mut().zip(colliders).enumerate() {
             let (linear, angular, centre) = match collider.owner {
                 Owner::World => continue,
-                Owner::Base | Owner::Body(_) => {
-                    let body = if let Owner::Body(body) = collider.owner { Some(body) } else { None };
+                Owner::Base(of) | Owner::Body(of, _) => {
+                    let kinematics = kinematics(of);
+                    let body = if let Owner::Body(_, body) = collider.owner { Some(body) } else { None };
                     let twist = kinematics.body_velocity(body);
                     (twist.linear, twist.angular, kinematics.body_position(body))
                 }
@@ -95,7 +109,9 @@ impl Motions {
             if let Some((turned, moved)) = &motion.last {
                 motion.way[0] += apart((turned, moved), (&rotation, &position), motion.reach);
             }
-            if floating && collider.owner.is_robot() {
+            let base = collider.owner.articulation().and_then(|of| self.bases[of].as_ref());
+            if let Some(base) = base {
+                let carrier = &base.velocity;
                 let carried = carrier.linear + carrier.angular.cross(&(position - base.position));
                 let turning = (angular - carrier.angular).norm();
                 motion.speed[1] = (velocity - carried).norm() + turning * motion.reach;
@@ -111,16 +127,14 @@ impl Motions {
         }
     }
 
-    fn follow_base(&mut self, base: &Isometry3<f64>) -> BaseMotion {
+    fn follow_base(&mut self, of: usize, base: &Isometry3<f64>, velocity: Twist) {
         let rotation = *base.rotation.to_rotation_matrix().matrix();
         let position = base.translation.vector;
-        let (turn, before) = match &self.base {
+        let (turn, before) = match &self.bases[of] {
             Some(last) => (rotation * last.rotation.transpose(), last.position),
             None => (Matrix3::identity(), position),
         };
-        let motion = BaseMotion { rotation, position, turn, before };
-        self.base = Some(motion.clone());
-        motion
+        self.bases[of] = Some(BaseMotion { rotation, position, turn, before, velocity });
     }
 
     /// Bound of the speed of any point of a collider \[m/s\].

@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use motorium_robots::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, HeightField,
-    Kinematics, MeshMode,
+    MeshMode,
 };
 use nalgebra::Isometry3;
 
+use crate::robot::Robot;
 use crate::{BuildWarning, Options, RobotSetup, Surface, World};
 
 /// Links that start closer than this never touch each other \[m\].
@@ -18,18 +19,26 @@ const TOO_CLOSE: f64 = 0.010;
 pub(crate) enum Owner {
     /// The world: the ground, fixed objects, links that do not move.
     World,
-    /// The moving base of the robot.
-    Base,
-    /// A body of the robot.
-    Body(usize),
+    /// The moving base of the articulation of this index.
+    Base(usize),
+    /// A body of an articulation.
+    Body(usize, usize),
     /// An object that moves, by its index among those.
     Object(usize),
 }
 
 impl Owner {
-    /// True for the moving parts of the robot.
+    /// True for the moving parts of robots.
     pub(crate) fn is_robot(self) -> bool {
-        matches!(self, Self::Base | Self::Body(_))
+        self.articulation().is_some()
+    }
+
+    /// The articulation that it is a moving part of.
+    pub(crate) fn articulation(self) -> Option<usize> {
+        match self {
+            Self::Base(of) | Self::Body(of, _) => Some(of),
+            Self::World | Self::Object(_) => None,
+        }
     }
 }
 
@@ -46,7 +55,7 @@ pub(crate) struct Collider {
     pub(crate) restitution: f64,
 }
 
-/// All colliders, robot first, then objects, then the ground or the terrain, and the pairs of them that may touch.
+/// All colliders, those of robots first, then objects, then the ground or the terrain, and the pairs of them that may touch.
 pub(crate) struct Colliders {
     pub(crate) colliders: Vec<Collider>,
     /// Index of the collider of the first object of the world.
@@ -62,13 +71,12 @@ impl Colliders {
     /// no self-collision; the rules of `setup` disable and enable further pairs. Shapes that cannot be used are left out with a
     /// warning.
     pub(crate) fn new(
-        setup: &RobotSetup,
+        setups: &[RobotSetup],
         world: &World,
         options: &Options,
         warnings: &mut Vec<BuildWarning>,
     ) -> Self {
-        let robot = &setup.model;
-        let collision_options = CollisionOptions {
+        let collision_options = |setup: &RobotSetup| CollisionOptions {
             meshes: MeshMode::Outermost,
             siblings: false,
             self_collision: options.self_collision,
@@ -76,8 +84,12 @@ impl Colliders {
             leave_out_defects: true,
             ..CollisionOptions::default()
         };
-        let mut model = CollisionModel::new(robot, &collision_options)
-            .expect("defects are left out, and nothing else can go wrong");
+        let no_defects = "defects are left out, and nothing else can go wrong";
+        let mut model =
+            CollisionModel::new(&setups[0].model, &collision_options(&setups[0])).expect(no_defects);
+        for setup in &setups[1..] {
+            model.add_robot(&setup.model, &collision_options(setup)).expect(no_defects);
+        }
         let first_object = model.solid_count();
         warnings.extend(model.left_out().iter().map(|defect| match defect {
             CollisionError::Solid { link, problem } => {
@@ -97,22 +109,25 @@ impl Colliders {
         if let Some(ground) = &world.ground {
             model.add_half_space("ground", Isometry3::translation(0.0, 0.0, ground.height));
         }
-        let floating = robot.base().floating;
+        let setup = |index: usize| model.robot(index).map(|of| (of, &setups[of]));
         let mut colliders: Vec<Collider> = (0..model.solid_count())
             .map(|index| {
                 let object = index.checked_sub(first_object).map(|index| (index, world.objects.get(index)));
                 let free =
                     |until: usize| world.objects[..until].iter().filter(|object| object.is_dynamic()).count();
-                let owner = match (model.attachment(index), object) {
-                    (_, Some((index, Some(object)))) if object.is_dynamic() => Owner::Object(free(index)),
-                    (Attachment::Body(body), None) => Owner::Body(body),
-                    (Attachment::Base, None) if floating => Owner::Base,
+                let owner = match (model.attachment(index), object, setup(index)) {
+                    (_, Some((index, Some(object))), _) if object.is_dynamic() => Owner::Object(free(index)),
+                    (Attachment::Body(body), None, Some((of, _))) => Owner::Body(of, body),
+                    (Attachment::Base, None, Some((of, setup))) if setup.model.base().floating => {
+                        Owner::Base(of)
+                    }
                     _ => Owner::World,
                 };
+                let of_link = setup(index).and_then(|(_, setup)| setup.friction.get(model.link(index)));
                 let (friction, restitution) = match (object, &world.ground) {
                     (Some((_, Some(object))), _) => (object.friction, object.restitution),
                     (Some((_, None)), Some(ground)) => (ground.friction, ground.restitution),
-                    _ => (setup.friction.get(model.link(index)).copied().unwrap_or(options.friction), 0.0),
+                    _ => (of_link.copied().unwrap_or(options.friction), 0.0),
                 };
                 let moves_freely = matches!(owner, Owner::Object(_));
                 Collider {
@@ -126,7 +141,17 @@ impl Colliders {
             })
             .collect();
         // Colliders of one owner, and two that never move, need no check.
-        model.retain_pairs(|&[a, b]| colliders[a].owner != colliders[b].owner);
+        // Links that touch nothing of their own robot touch nothing of another either, as in one model of both.
+        let silent = |index: usize| {
+            let rules = model.robot(index).map(|of| &setups[of].collision_rules.disabled_links);
+            rules.is_some_and(|links| links.iter().any(|link| link == model.link(index)))
+        };
+        let silent: Vec<bool> = (0..model.solid_count()).map(silent).collect();
+        let robots: Vec<_> = (0..model.solid_count()).map(|index| model.robot(index)).collect();
+        model.retain_pairs(|&[a, b]| {
+            let apart = robots[a].is_some() && robots[b].is_some() && robots[a] != robots[b];
+            colliders[a].owner != colliders[b].owner && !(apart && (silent[a] || silent[b]))
+        });
         let field = world.height_field().ok().flatten();
         if let (Some(terrain), Some(_)) = (&world.terrain, &field) {
             colliders.push(Collider {
@@ -165,13 +190,11 @@ impl Colliders {
 
     /// Excludes pairs of links that are too close as the robot stands, with a warning each, and warns of links inside
     /// something else. True if there was any such pair.
-    pub(crate) fn exclude_close(
-        &mut self,
-        kinematics: &Kinematics,
-        warnings: &mut Vec<BuildWarning>,
-    ) -> bool {
+    pub(crate) fn exclude_close(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) -> bool {
         let mut distances = Collisions::new(&self.model);
-        distances.update(&self.model, kinematics);
+        for (index, own) in robot.articulations.iter().enumerate() {
+            distances.update_robot(&self.model, index, &own.kinematics);
+        }
         let mut close = Vec::new();
         for proximity in distances.within(&self.model, TOO_CLOSE) {
             let pair = self.model.pairs()[proximity.pair];

@@ -159,38 +159,10 @@ impl ConeSolver {
             return 0.0;
         }
         let (rows, at) = (self.rows, 3 * index);
-        let w = |row: usize, column: usize| self.delassus[(at + row) * rows + at + column];
-        let stiff = w(0, 0);
+        let own = [0, 1, 2].map(|row| [0, 1, 2].map(|column| self.delassus[(at + row) * rows + at + column]));
         let old = [self.lambda[at], self.lambda[at + 1], self.lambda[at + 2]];
-        let compliance = COMPLIANCE * stiff;
-        let missing = self.velocity[at] - self.target[index] + compliance * old[0];
-        let normal = (old[0] - missing / (stiff + compliance)).max(0.0);
-        if normal == 0.0 && old == [0.0; 3] {
-            return 0.0;
-        }
-        // Slip with the new normal impulse.
-        let step = normal - old[0];
-        let slip = [self.velocity[at + 1] + w(1, 0) * step, self.velocity[at + 2] + w(2, 0) * step];
-        // Along a tangent that the joints hold, one of them may be zero.
-        let soft = COMPLIANCE * w(1, 1).max(w(2, 2));
-        let (a, b, c) = (w(1, 1) + soft, w(1, 2), w(2, 2) + soft);
-        let bound = self.friction[index] * normal;
-        let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
-        let mut tangent = [
-            old[1] - (c * slip[0] - b * slip[1]) / determinant,
-            old[2] - (a * slip[1] - b * slip[0]) / determinant,
-        ];
-        let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
-        if squared(&tangent) > bound * bound {
-            // It slips: a projected step along the slip, whose fixed point opposes it.
-            let stiffest = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
-            tangent = [old[1] - slip[0] / stiffest, old[2] - slip[1] / stiffest];
-            let size = squared(&tangent).sqrt();
-            if size > bound {
-                tangent = tangent.map(|part| part * bound / size);
-            }
-        }
-        let new = [normal, tangent[0], tangent[1]];
+        let velocity = [self.velocity[at], self.velocity[at + 1], self.velocity[at + 2]];
+        let new = relax_point(&own, &old, &velocity, (self.target[index], self.friction[index]));
         let mut change = 0.0_f64;
         for part in 0..3 {
             let step = new[part] - old[part];
@@ -201,6 +173,47 @@ impl ConeSolver {
         }
         change
     }
+}
+
+/// The impulse of one contact point for fixed impulses at all others: `own` is its block of W, `old` its impulse and
+/// `velocity` its velocity with that impulse.
+#[inline]
+pub(super) fn relax_point(
+    own: &[[f64; 3]; 3],
+    old: &[f64; 3],
+    velocity: &[f64; 3],
+    (target, friction): (f64, f64),
+) -> [f64; 3] {
+    let stiff = own[0][0];
+    let compliance = COMPLIANCE * stiff;
+    let missing = velocity[0] - target + compliance * old[0];
+    let normal = (old[0] - missing / (stiff + compliance)).max(0.0);
+    if normal == 0.0 && *old == [0.0; 3] {
+        return [0.0; 3];
+    }
+    // Slip with the new normal impulse.
+    let step = normal - old[0];
+    let slip = [velocity[1] + own[1][0] * step, velocity[2] + own[2][0] * step];
+    // Along a tangent that the joints hold, one of them may be zero.
+    let soft = COMPLIANCE * own[1][1].max(own[2][2]);
+    let (a, b, c) = (own[1][1] + soft, own[1][2], own[2][2] + soft);
+    let bound = friction * normal;
+    let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
+    let mut tangent = [
+        old[1] - (c * slip[0] - b * slip[1]) / determinant,
+        old[2] - (a * slip[1] - b * slip[0]) / determinant,
+    ];
+    let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
+    if squared(&tangent) > bound * bound {
+        // It slips: a projected step along the slip, whose fixed point opposes it.
+        let stiffest = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
+        tangent = [old[1] - slip[0] / stiffest, old[2] - slip[1] / stiffest];
+        let size = squared(&tangent).sqrt();
+        if size > bound {
+            tangent = tangent.map(|part| part * bound / size);
+        }
+    }
+    [normal, tangent[0], tangent[1]]
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {

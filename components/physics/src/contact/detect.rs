@@ -11,8 +11,9 @@ use super::features::{ContactGeometry, Feature};
 use super::objects::FreeBody;
 use super::terrain;
 
-/// Contact points kept at once. Of more, the deepest.
+/// Contact points kept at once, for the robots and for each object that moves. Of more, the deepest.
 const MOST: usize = 96;
+const MOST_EACH: usize = 16;
 
 /// A point where two surfaces touch, or soon may.
 #[derive(Clone, Copy, Debug)]
@@ -75,6 +76,8 @@ const ROUNDING: f64 = 1e-6;
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
     points: Vec<ContactPoint>,
+    /// Largest number of contact points.
+    most: usize,
     distances: Collisions,
     motions: Motions,
     /// Colliders that are not the terrain.
@@ -110,14 +113,16 @@ impl Detector {
         for (index, collider) in colliders.iter().enumerate().take(model.solid_count()) {
             distances.set_pose(index, &collider.placement);
         }
-        let points = Vec::with_capacity(MOST);
+        let objects = colliders.iter().filter(|collider| matches!(collider.owner, Owner::Object(_))).count();
+        let most = MOST + MOST_EACH * objects;
+        let points = Vec::with_capacity(most);
         let solids = model.solid_count();
-        Self { pairs, points, distances, motions: Motions::new(colliders), solids }
+        Self { pairs, points, most, distances, motions: Motions::new(colliders), solids }
     }
 
     /// Largest number of contact points.
     pub(crate) fn capacity(&self) -> usize {
-        MOST
+        self.most
     }
 
     /// The points found last.
@@ -170,28 +175,30 @@ impl Detector {
         }
     }
 
-    /// Places the robot's colliders as `kinematics` stands, its base at `base`, and those of `objects`.
-    pub(crate) fn set_poses(
+    /// Places the colliders of each articulation as its `kinematics` stands, its base as in `bases`, and those of
+    /// `objects`.
+    pub(crate) fn set_poses<'a>(
         &mut self,
         Colliders { colliders, model, .. }: &Colliders,
-        (kinematics, base): (&Kinematics, &Isometry3<f64>),
+        (kinematics, bases): (impl Fn(usize) -> &'a Kinematics, &[Isometry3<f64>]),
         objects: &[FreeBody],
     ) {
-        self.distances.update(model, kinematics);
+        for of in 0..bases.len() {
+            self.distances.update_robot(model, of, kinematics(of));
+        }
         for (index, collider) in colliders.iter().enumerate() {
             if let Owner::Object(object) = collider.owner {
                 self.distances.set_pose(index, &(objects[object].pose * collider.placement));
             }
         }
-        self.motions.follow(colliders, &self.distances, (kinematics, base), objects);
+        self.motions.follow(colliders, &self.distances, (kinematics, bases), objects);
     }
 
-    /// Height of the lowest point of the robot \[m\]; infinite without colliders.
-    pub(crate) fn lowest(&self, colliders: &[Collider]) -> f64 {
+    /// Height of the lowest point of an articulation \[m\]; infinite without colliders.
+    pub(crate) fn lowest(&self, colliders: &[Collider], articulation: usize) -> f64 {
         let mut lowest = f64::INFINITY;
-        for (index, collider) in
-            colliders.iter().enumerate().filter(|(_, collider)| collider.owner.is_robot())
-        {
+        let own = |collider: &Collider| collider.owner.articulation() == Some(articulation);
+        for (index, collider) in colliders.iter().enumerate().filter(|(_, collider)| own(collider)) {
             let pose = self.distances.pose(index);
             let down = pose.rotation.inverse_transform_vector(&-Vector3::z());
             collider.shape.features(&down, &mut |feature| {
@@ -201,15 +208,15 @@ impl Detector {
         lowest
     }
 
-    /// Height of the lowest point of the robot above the terrain below it \[m\]; `None` without a terrain.
-    pub(crate) fn above_terrain(&self, colliders: &Colliders) -> Option<f64> {
-        terrain::clearance(colliders, &self.distances)
+    /// Height of the lowest point of an articulation above the terrain below it \[m\]; `None` without a terrain.
+    pub(crate) fn above_terrain(&self, colliders: &Colliders, articulation: usize) -> Option<f64> {
+        terrain::clearance(colliders, articulation, &self.distances)
     }
 
     /// Finds all contact points closer than `least` \[m\], and those that may touch within `h` \[s\].
     pub(crate) fn detect(&mut self, all: &Colliders, h: f64, least: f64) -> &[ContactPoint] {
         let Colliders { colliders, model, .. } = all;
-        let Self { pairs, points, distances, motions, .. } = self;
+        let Self { pairs, points, most, distances, motions, .. } = self;
         points.clear();
         for (index, pair) in pairs.iter_mut().enumerate() {
             let (way, speed) = motions.of_pair(pair.part, pair.first, pair.second);
@@ -244,7 +251,7 @@ impl Detector {
                 let owners = if swapped { (second.owner, first.owner) } else { (first.owner, second.owner) };
                 let key = (index as u64) << 32 | u64::from(swapped) << 31 | u64::from(feature);
                 keep(
-                    points,
+                    (points, *most),
                     ContactPoint {
                         key,
                         colliders,
@@ -273,7 +280,7 @@ impl Detector {
             }
         }
         let near = |speed| margin(h, speed).max(least);
-        terrain::detect(all, distances, motions, near, &mut |point| keep(points, point));
+        terrain::detect(all, distances, motions, near, &mut |point| keep((points, *most), point));
         &self.points
     }
 
@@ -311,8 +318,8 @@ fn search(
 }
 
 /// Adds a contact point; where there is no room it takes the place of the shallowest.
-fn keep(points: &mut Vec<ContactPoint>, point: ContactPoint) {
-    if points.len() < MOST {
+fn keep((points, most): (&mut Vec<ContactPoint>, usize), point: ContactPoint) {
+    if points.len() < most {
         points.push(point);
         return;
     }

@@ -14,11 +14,14 @@ mod cone_tests;
 mod detect;
 mod features;
 mod impulses;
+mod islands;
 mod newton;
 mod objects;
 mod scene;
+mod site;
+mod sweeps;
 mod terrain;
 
 pub(crate) use colliders::{Collider, Colliders, Owner};
-pub(crate) use impulses::ContactResponse;
+pub(crate) use impulses::{ImpulseTarget, MovedByImpulses};
 pub(crate) use scene::{ContactScene, SceneState};

@@ -18,10 +18,14 @@ pub(crate) struct FreeBody {
 }
 
 impl FreeBody {
-    /// `I^-1 torque`, both in world axes.
-    pub(crate) fn inverse_inertia_times(&self, torque: &Vector3<f64>) -> Vector3<f64> {
-        let own = self.pose.rotation.inverse_transform_vector(torque).component_div(&self.inertia);
-        self.pose.rotation * own
+    /// Inverse of its inertia, in world axes \[1/(kg m2)\].
+    pub(crate) fn inverse_inertia(&self) -> Matrix3<f64> {
+        let rotation = self.pose.rotation.to_rotation_matrix().into_inner();
+        let mut scaled = rotation;
+        for (mut column, inertia) in scaled.column_iter_mut().zip(&self.inertia) {
+            column /= *inertia;
+        }
+        scaled * rotation.transpose()
     }
 
     /// Places it at rest.

@@ -1,12 +1,13 @@
 //! The contact scene: colliders, objects that move, and the impulses between all of them.
 
-use motorium_robots::{Kinematics, Model};
+use motorium_robots::Kinematics;
 use nalgebra::{Isometry3, Vector3};
 
 use super::colliders::{Collider, Colliders, Owner};
 use super::detect::{ContactPoint, Detector, DetectorState};
 use super::impulses::Impulses;
 use super::objects::{FreeBody, Objects};
+use crate::robot::{Articulation, Robot};
 use crate::{Surface, World};
 
 /// Colliders, their poses, their contact points, and the impulses there.
@@ -29,11 +30,12 @@ pub(crate) struct SceneState {
 
 impl ContactScene {
     /// A scene of these colliders; `world` gives the objects.
-    pub(crate) fn new(model: &Model, colliders: Colliders, world: &World) -> Self {
+    pub(crate) fn new(robot: &Robot, colliders: Colliders, world: &World) -> Self {
         let detector = Detector::new(&colliders);
+        let objects = Objects::new(world);
         Self {
-            impulses: Impulses::new(model.nv(), model.mass(), detector.capacity()),
-            objects: Objects::new(world),
+            impulses: Impulses::new(&robot.articulations, objects.now.len(), detector.capacity()),
+            objects,
             colliders,
             detector,
         }
@@ -44,10 +46,10 @@ impl ContactScene {
         &self.colliders
     }
 
-    /// Takes over a surface for each collider, and the mass of the robot \[kg\].
-    pub(crate) fn set_properties(&mut self, surfaces: &[Surface], mass: f64) {
+    /// Takes over a surface for each collider, and the masses of the articulations.
+    pub(crate) fn set_properties(&mut self, surfaces: &[Surface], articulations: &[Articulation]) {
         self.colliders.set_surfaces(surfaces);
-        self.impulses.set_mass(mass);
+        self.impulses.set_masses(articulations);
     }
 
     /// Takes pairs of colliders out of the detection. The poses must be [set](Self::set_poses) anew.
@@ -56,17 +58,21 @@ impl ContactScene {
         self.detector = Detector::new(&self.colliders);
     }
 
-    /// Places the robot as `kinematics` stands, its base at `base`, and the objects in their next state.
-    pub(crate) fn set_poses(&mut self, kinematics: &Kinematics, base: &Isometry3<f64>) {
-        self.detector.set_poses(&self.colliders, (kinematics, base), &self.objects.next);
+    /// Places each articulation as its `kinematics` stands, its base as in `bases`, and the objects in their next state.
+    pub(crate) fn set_poses<'a>(
+        &mut self,
+        kinematics: impl Fn(usize) -> &'a Kinematics,
+        bases: &[Isometry3<f64>],
+    ) {
+        self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
-    /// Sets up the impulses at the contact points for a step of `h` \[s\]: the objects of the next state fall, the robot
-    /// moves with `v`.
-    pub(crate) fn prepare(
+    /// Sets up the impulses at the contact points for a step of `h` \[s\]: the objects of the next state fall, the
+    /// articulations move with `v`.
+    pub(crate) fn prepare<'a>(
         &mut self,
-        model: &Model,
-        kinematics: &Kinematics,
+        articulations: &[Articulation],
+        kinematics: impl Fn(usize) -> &'a Kinematics,
         v: &[f64],
         (gravity, h): (&Vector3<f64>, f64),
     ) {
@@ -76,24 +82,25 @@ impl ContactScene {
         objects.before_fall();
         objects.fall(gravity, h);
         let slopes = |owner: Owner, point: &ContactPoint, axes: &[_; 3], sign: f64, columns: &mut [_]| {
-            let body = match owner {
-                Owner::Base => None,
-                Owner::Body(index) => Some(index),
+            let (of, body) = match owner {
+                Owner::Base(of) => (of, None),
+                Owner::Body(of, index) => (of, Some(index)),
                 Owner::World | Owner::Object(_) => return,
             };
-            kinematics.add_point_jacobian(model, body, &point.point, (axes, sign), columns);
+            let model = articulations[of].model();
+            kinematics(of).add_point_jacobian(model, body, &point.point, (axes, sign), columns);
         };
         impulses.prepare(points, h, v, (&objects.before, &objects.next), slopes);
     }
 
-    /// Height of the lowest point of the robot, as it was placed last \[m\]; infinite without colliders.
-    pub(crate) fn lowest(&self) -> f64 {
-        self.detector.lowest(&self.colliders.colliders)
+    /// Height of the lowest point of an articulation, as it was placed last \[m\]; infinite without colliders.
+    pub(crate) fn lowest(&self, articulation: usize) -> f64 {
+        self.detector.lowest(&self.colliders.colliders, articulation)
     }
 
-    /// Height of the lowest point of the robot above the terrain below it \[m\]; `None` without a terrain.
-    pub(crate) fn above_terrain(&self) -> Option<f64> {
-        self.detector.above_terrain(&self.colliders)
+    /// Height of the lowest point of an articulation above the terrain below it \[m\]; `None` without a terrain.
+    pub(crate) fn above_terrain(&self, articulation: usize) -> Option<f64> {
+        self.detector.above_terrain(&self.colliders, articulation)
     }
 
     /// The contact points within `least` \[m\] and those that may touch within `h` \[s\], as all was placed last. Those of
@@ -179,14 +186,15 @@ impl ContactScene {
         self.colliders.first_object + index
     }
 
-    /// True when a contact point of the last step is on the robot.
+    /// True when a contact point of the last step is on a robot.
     pub(crate) fn on_robot(&self) -> bool {
         self.detector.points().iter().any(|point| point.owners.0.is_robot() || point.owners.1.is_robot())
     }
 
-    /// True when a contact point of the last step is between the robot and something else.
-    pub(crate) fn between_robot_and_world(&self) -> bool {
-        let outside = |point: &ContactPoint| point.owners.0.is_robot() != point.owners.1.is_robot();
+    /// True when a contact point of the last step is between an articulation and something else.
+    pub(crate) fn is_held(&self, articulation: usize) -> bool {
+        let own = |owner: Owner| owner.articulation() == Some(articulation);
+        let outside = |point: &ContactPoint| own(point.owners.0) != own(point.owners.1);
         self.detector.points().iter().any(outside)
     }
 
@@ -198,11 +206,11 @@ impl ContactScene {
         })
     }
 
-    /// Sum of the forces on the robot in a step of `h` \[s\], world axes \[N\].
+    /// Sum of the forces on the robots in a step of `h` \[s\], world axes \[N\].
     pub(crate) fn force_on_robot(&self, h: f64) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for (index, point, ..) in self.points() {
-            let force = self.impulses.vector(index) / h;
+            let force = self.impulses.vector(index, &point.normal) / h;
             match (point.owners.0.is_robot(), point.owners.1.is_robot()) {
                 (true, false) => sum += force,
                 (false, true) => sum -= force,

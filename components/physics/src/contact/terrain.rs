@@ -152,14 +152,14 @@ fn keep(touches: &mut [Option<Touch>; FACES], touch: Touch) {
     }
 }
 
-/// The least height of a feature of the robot above the terrain below it \[m\], along z; `None` without a terrain.
-pub(super) fn clearance(all: &Colliders, distances: &Collisions) -> Option<f64> {
+/// The least height of a feature of an articulation above the terrain below it \[m\], along z; `None` without a terrain.
+pub(super) fn clearance(all: &Colliders, articulation: usize, distances: &Collisions) -> Option<f64> {
     let field = all.terrain.as_ref()?;
     let robot = all
         .colliders
         .iter()
         .enumerate()
-        .filter(|(_, collider): &(usize, &Collider)| collider.owner.is_robot());
+        .filter(|(_, collider): &(usize, &Collider)| collider.owner.articulation() == Some(articulation));
     let mut least = f64::INFINITY;
     for (index, collider) in robot {
         let pose = distances.pose(index);

@@ -73,15 +73,18 @@ impl Writer<'_> {
         self.assets()?;
         writeln!(self.text, "<worldbody>")?;
         self.geometries(Owner::World)?;
-        let base = self.robot.model.base();
-        if base.floating {
-            writeln!(self.text, r#"<body {}><freejoint name="base"/>"#, pose(&base.neutral))?;
-            self.inertial(&base.inertia)?;
-            self.geometries(Owner::Base)?;
-        }
-        self.bodies(None)?;
-        if base.floating {
-            writeln!(self.text, "</body>")?;
+        for (of, own) in self.robot.articulations.iter().enumerate() {
+            let base = own.model.base();
+            if base.floating {
+                let name = base_joint(of);
+                writeln!(self.text, r#"<body {}><freejoint name="{name}"/>"#, pose(&base.neutral))?;
+                self.inertial(&base.inertia)?;
+                self.geometries(Owner::Base(of))?;
+            }
+            self.bodies(of, None)?;
+            if base.floating {
+                writeln!(self.text, "</body>")?;
+            }
         }
         self.objects()?;
         writeln!(self.text, "</worldbody>")?;
@@ -177,33 +180,33 @@ impl Writer<'_> {
         writeln!(self.text, r#"<geom name="c{index}" {shape} {pose} contype="0" conaffinity="0"/>"#)
     }
 
-    /// The bodies on `parent`, with all that they carry.
-    fn bodies(&mut self, parent: Option<usize>) -> std::fmt::Result {
-        let robot = self.robot;
-        for (index, body) in robot.model.bodies().iter().enumerate().filter(|(_, body)| body.parent == parent)
-        {
+    /// The bodies of an articulation on `parent`, with all that they carry.
+    fn bodies(&mut self, of: usize, parent: Option<usize>) -> std::fmt::Result {
+        let bodies = self.robot.articulations[of].model.bodies();
+        for (index, body) in bodies.iter().enumerate().filter(|(_, body)| body.parent == parent) {
             writeln!(self.text, "<body {}>", pose(&body.joint.placement))?;
-            self.joint(index, body)?;
+            self.joint((of, index), body)?;
             self.inertial(&body.inertia)?;
-            self.geometries(Owner::Body(index))?;
-            self.bodies(Some(index))?;
+            self.geometries(Owner::Body(of, index))?;
+            self.bodies(of, Some(index))?;
             writeln!(self.text, "</body>")?;
         }
         Ok(())
     }
 
-    fn joint(&mut self, index: usize, body: &Body) -> std::fmt::Result {
-        let joint = &body.joint;
+    fn joint(&mut self, (of, index): (usize, usize), body: &Body) -> std::fmt::Result {
+        let (joint, name) = (&body.joint, body_joint(of, index));
         let kind = if joint.kind == JointKind::Prismatic { "slide" } else { "hinge" };
         let axis = numbers(joint.axis.iter().copied());
-        let armature = armature(self.robot, index);
+        let armature = armature(self.robot, (of, index));
         let friction = joint.dynamics.friction;
         write!(
             self.text,
-            r#"<joint name="j{index}" type="{kind}" axis="{axis}" armature="{armature}" frictionloss="{friction}" {FRICTION}"#
+            r#"<joint name="{name}" type="{kind}" axis="{axis}" armature="{armature}" frictionloss="{friction}" {FRICTION}"#
         )?;
         if let Coordinate::Independent(column) = joint.coordinate {
-            let (lower, upper) = (self.robot.joints[column].lower, self.robot.joints[column].upper);
+            let joint = &self.robot.joints[self.robot.articulations[of].joints()][column];
+            let (lower, upper) = (joint.lower, joint.upper);
             if lower.is_finite() || upper.is_finite() {
                 let lower = lower.max(-NO_LIMIT);
                 // MuJoCo wants some room between the ends.
@@ -245,15 +248,18 @@ impl Writer<'_> {
 
     /// Mimic joints.
     fn couplings(&mut self) -> std::fmt::Result {
-        let model = &self.robot.model;
         writeln!(self.text, "<equality>")?;
-        for (index, body) in model.bodies().iter().enumerate() {
-            let Coordinate::Mimic { of, multiplier, offset } = body.joint.coordinate else { continue };
-            let master = model.joint_body(of);
-            writeln!(
-                self.text,
-                r#"<joint joint1="j{index}" joint2="j{master}" polycoef="{offset} {multiplier} 0 0 0" {COUPLING}/>"#
-            )?;
+        for (of, own) in self.robot.articulations.iter().enumerate() {
+            for (index, body) in own.model.bodies().iter().enumerate() {
+                let Coordinate::Mimic { of: leader, multiplier, offset } = body.joint.coordinate else {
+                    continue;
+                };
+                let (name, leader) = (body_joint(of, index), body_joint(of, own.model.joint_body(leader)));
+                writeln!(
+                    self.text,
+                    r#"<joint joint1="{name}" joint2="{leader}" polycoef="{offset} {multiplier} 0 0 0" {COUPLING}/>"#
+                )?;
+            }
         }
         writeln!(self.text, "</equality>")
     }
@@ -284,11 +290,22 @@ impl Writer<'_> {
     }
 }
 
-/// Inertia of drive and rotor on the joint of a body, without what implicit drives add.
-pub(super) fn armature(robot: &Robot, body: usize) -> f64 {
-    let joint = &robot.model.bodies()[body].joint;
+/// Name of the free joint of an articulation.
+pub(super) fn base_joint(of: usize) -> String {
+    format!("b{of}")
+}
+
+/// Name of the joint of a body of an articulation.
+pub(super) fn body_joint(of: usize, body: usize) -> String {
+    format!("j{of}_{body}")
+}
+
+/// Inertia of drive and rotor on the joint of a body of an articulation, without what implicit drives add.
+pub(super) fn armature(robot: &Robot, (of, body): (usize, usize)) -> f64 {
+    let own = &robot.articulations[of];
+    let joint = &own.model.bodies()[body].joint;
     let added = match joint.coordinate {
-        Coordinate::Independent(column) => robot.joints[column].armature,
+        Coordinate::Independent(column) => robot.joints[own.joints()][column].armature,
         Coordinate::Mimic { .. } => 0.0,
     };
     joint.drive.armature() + added

@@ -18,7 +18,7 @@ use crate::articulated::{Drive, Laws};
 use crate::contact::Colliders;
 use crate::properties::Surface;
 use crate::rays::Rays;
-use crate::robot::{Robot, RobotSetup};
+use crate::robot::{Articulation, Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
 use crate::{
     BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
@@ -73,8 +73,8 @@ pub struct Mujoco {
     places: Places,
     /// Collider of each of MuJoCo's geometries.
     geometries: Vec<usize>,
-    /// Inertia of drive and rotor on the joint of each body.
-    armatures: Vec<f64>,
+    /// Inertia of drive and rotor on the joint of each body of each articulation.
+    armatures: Vec<Vec<f64>>,
     laws: Vec<Laws>,
     drives: Vec<Drive>,
     seen: Seen,
@@ -84,7 +84,8 @@ pub struct Mujoco {
     generalized: Vec<f64>,
     /// The same in MuJoCo's order.
     forces: Vec<f64>,
-    jacobian: DMatrix<f64>,
+    /// One per articulation.
+    jacobians: Vec<DMatrix<f64>>,
     /// MuJoCo's state before a step, and before a try of an integration step.
     before: Vec<f64>,
     motion: Vec<f64>,
@@ -92,13 +93,17 @@ pub struct Mujoco {
 
 /// Places of our coordinates in MuJoCo's vectors: of positions, and of velocities.
 struct Places {
+    articulations: Vec<ArticulationPlaces>,
+    objects: Vec<ObjectPlace>,
+}
+
+struct ArticulationPlaces {
     base: Option<(usize, usize)>,
     /// One per body of the model.
     joints: Vec<(usize, usize)>,
     coordinates: Vec<Coordinate>,
     /// Body of each independent joint.
     drives: Vec<usize>,
-    objects: Vec<ObjectPlace>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -165,22 +170,27 @@ impl Mujoco {
         let joint = |native: &Native, name: String| {
             native.id(Kind::Joint, &name).map(|id| native.joint_places(id)).ok_or_else(|| lost(name))
         };
-        let model = &robot.model;
-        let mut places = Places {
-            base: if model.base().floating { Some(joint(&native, "base".to_owned())?) } else { None },
-            joints: Vec::new(),
-            coordinates: model.bodies().iter().map(|body| body.joint.coordinate).collect(),
-            drives: (0..model.joint_count()).map(|index| model.joint_body(index)).collect(),
-            objects: Vec::new(),
-        };
-        for index in 0..model.bodies().len() {
-            let (place, dof) = joint(&native, format!("j{index}"))?;
-            // The structures lie where they are thought to: what has been written into the model is found there.
-            if native.timestep() != mjcf::TIMESTEP || native.armature(dof) != mjcf::armature(robot, index) {
-                return Err(lost(format!("armature of j{index}")));
+        let mut places = Places { articulations: Vec::new(), objects: Vec::new() };
+        for (of, own) in robot.articulations.iter().enumerate() {
+            let (model, base) = (&own.model, mjcf::base_joint(of));
+            let mut part = ArticulationPlaces {
+                base: if model.base().floating { Some(joint(&native, base)?) } else { None },
+                joints: Vec::new(),
+                coordinates: model.bodies().iter().map(|body| body.joint.coordinate).collect(),
+                drives: (0..model.joint_count()).map(|index| model.joint_body(index)).collect(),
+            };
+            for index in 0..model.bodies().len() {
+                let name = mjcf::body_joint(of, index);
+                let (place, dof) = joint(&native, name.clone())?;
+                // The structures lie where they are thought to: what has been written into the model is found there.
+                let armature = mjcf::armature(robot, (of, index));
+                if native.timestep() != mjcf::TIMESTEP || native.armature(dof) != armature {
+                    return Err(lost(format!("armature of {name}")));
+                }
+                native.harden(dof, YIELD);
+                part.joints.push((place, dof));
             }
-            native.harden(dof, YIELD);
-            places.joints.push((place, dof));
+            places.articulations.push(part);
         }
         for (index, object) in world.objects.iter().enumerate() {
             let name = format!("o{index}");
@@ -209,27 +219,27 @@ impl Engine for Mujoco {
     const CAPABILITIES: Capabilities = Capabilities { floating_bases: true, allocation_free: true };
 
     fn build(
-        setup: &RobotSetup,
+        setups: &[RobotSetup],
         robot: &Robot,
         world: &World,
         options: &Options,
         warnings: &mut Vec<BuildWarning>,
     ) -> Result<Self, BuildError> {
-        if setup.actuators.iter().any(Option::is_some) {
+        if setups.iter().any(|setup| setup.actuators.iter().any(Option::is_some)) {
             return Err(BuildError::IdealDrives);
         }
         let library = Library::get()?;
-        let colliders = Colliders::new(setup, world, options, warnings);
+        let colliders = Colliders::new(setups, world, options, warnings);
         for collider in colliders.colliders.iter().filter(|collider| !mjcf::is_usable(&collider.shape)) {
             let reason = "its mesh has no volume, which MuJoCo needs".to_owned();
             warnings.push(BuildWarning::ShapeIgnored { link: collider.name.clone(), reason });
         }
         let (native, places, geometries) = Self::compile(library, robot, world, &colliders)?;
         let seen = || Seen { near: true, touches: Vec::with_capacity(TOUCHES) };
-        let nv = robot.model.nv();
+        let nv = robot.nv();
         Ok(Self {
             rays: Rays::new(&colliders),
-            armatures: (0..robot.model.bodies().len()).map(|body| mjcf::armature(robot, body)).collect(),
+            armatures: armatures(robot),
             laws: vec![Laws::FREE; robot.joints.len()],
             drives: vec![Drive::Linear; robot.joints.len()],
             seen: seen(),
@@ -237,7 +247,7 @@ impl Engine for Mujoco {
             external: vec![0.0; nv],
             generalized: vec![0.0; nv],
             forces: vec![0.0; native.qvel().len()],
-            jacobian: DMatrix::zeros(6, nv),
+            jacobians: robot.articulations.iter().map(|own| DMatrix::zeros(6, own.v().len())).collect(),
             before: vec![0.0; native.state_size(Parts::INTEGRATION)],
             motion: vec![0.0; native.state_size(Parts::MOTION)],
             options: *options,
@@ -270,16 +280,22 @@ impl Engine for Mujoco {
             }
         }
         self.world = world.clone();
-        self.armatures = (0..robot.model.bodies().len()).map(|body| mjcf::armature(robot, body)).collect();
+        self.armatures = armatures(robot);
         Ok(())
     }
 
-    fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {
-        robot.kinematics.jacobian(&robot.model, link, Reference::LocalWorldAligned, &mut self.jacobian);
-        let [force, torque] = wrench;
-        let arm = robot.kinematics.pose(&robot.model, link).rotation * point.coords;
+    fn apply_wrench(
+        &mut self,
+        robot: &Robot,
+        (of, link): (usize, FrameId),
+        point: &Point3<f64>,
+        [force, torque]: [Vector3<f64>; 2],
+    ) {
+        let (own, jacobian) = (&robot.articulations[of], &mut self.jacobians[of]);
+        own.kinematics.jacobian(&own.model, link, Reference::LocalWorldAligned, jacobian);
+        let arm = own.kinematics.pose(&own.model, link).rotation * point.coords;
         let torque = torque + arm.cross(&force);
-        for (external, column) in self.external.iter_mut().zip(self.jacobian.column_iter()) {
+        for (external, column) in self.external[own.v()].iter_mut().zip(jacobian.column_iter()) {
             *external += column.fixed_rows::<3>(0).dot(&force) + column.fixed_rows::<3>(3).dot(&torque);
         }
     }
@@ -293,7 +309,7 @@ impl Engine for Mujoco {
     }
 
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
-        if self.colliders.exclude_close(&robot.kinematics, warnings) {
+        if self.colliders.exclude_close(robot, warnings) {
             (self.native, self.places, self.geometries) =
                 Self::compile(self.library, robot, &self.world, &self.colliders)
                     .expect("it was compiled with more pairs");
@@ -397,4 +413,12 @@ impl Engine for Mujoco {
             visit(&Contact { first, second, point, normal, depth, force, friction });
         }
     }
+}
+
+/// Inertia of drive and rotor on the joint of each body of each articulation.
+fn armatures(robot: &Robot) -> Vec<Vec<f64>> {
+    let of_part = |(of, own): (usize, &Articulation)| {
+        (0..own.model.bodies().len()).map(|body| mjcf::armature(robot, (of, body))).collect()
+    };
+    robot.articulations.iter().enumerate().map(of_part).collect()
 }

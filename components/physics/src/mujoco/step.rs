@@ -6,7 +6,7 @@ use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 use super::native::{Native, Parts};
 use super::{Mujoco, Seen, Touch};
 use crate::articulated::Laws;
-use crate::robot::{Robot, State, base_pose};
+use crate::robot::{Articulation, Robot, State, base_pose};
 use crate::{StepError, StepReport};
 
 /// Solutions of one integration step in which drives may turn out to be saturated, or not to be any more.
@@ -33,33 +33,47 @@ impl Mujoco {
     /// mass matrix: `(M + h s) (v+ - v) / h = c - s v - ...`. So MuJoCo's solver of contacts, stops and friction sees the
     /// drive as it acts. Damping is treated in the same way.
     fn integrate(&mut self, robot: &mut Robot, h: f64, report: &mut StepReport) {
-        self.write_state(&robot.state);
+        self.write_state(&robot.articulations, &robot.state);
         self.set_external(robot);
-        let Robot { model, joints, commands, state, .. } = robot;
-        let base = model.nv() - model.joint_count();
-        for (i, (joint, command)) in joints.iter().zip(commands.iter()).enumerate() {
-            let q = state.q_next[model.nq() - model.joint_count() + i];
-            self.laws[i] = Laws::new(joint, command, [-joint.effort_limit, joint.effort_limit], (q, h));
+        let Robot { articulations, joints, commands, state, .. } = robot;
+        for own in &*articulations {
+            let drives = joints[own.joints()].iter().zip(&commands[own.drives()]);
+            let positions = own.model.joints_of_q(&state.q_next[own.q()]);
+            let laws = self.laws[own.joints()].iter_mut().zip(drives).zip(positions);
+            for ((laws, (joint, command)), q) in laws {
+                *laws = Laws::new(joint, command, [-joint.effort_limit, joint.effort_limit], (*q, h));
+            }
         }
         self.native.get_state(Parts::MOTION, &mut self.motion);
         for attempt in 1..=ATTEMPTS {
             self.native.forces_mut().copy_from_slice(&self.forces);
-            for (index, body) in model.bodies().iter().enumerate() {
-                let (_, dof) = self.places.joints[index];
-                let coordinate = &body.joint.coordinate;
-                let (mut constant, mut slope) = (0.0, body.joint.dynamics.damping);
-                if let Coordinate::Independent(i) = *coordinate {
-                    let (drive, of_drive) = self.laws[i].drive_force(self.drives[i]);
-                    (constant, slope) = (drive, slope + of_drive);
+            for ((own, places), armatures) in
+                articulations.iter().zip(&self.places.articulations).zip(&self.armatures)
+            {
+                let v = own.model.joints_of_v(&state.v_next[own.v()]);
+                for (index, body) in own.model.bodies().iter().enumerate() {
+                    let (_, dof) = places.joints[index];
+                    let coordinate = &body.joint.coordinate;
+                    let (mut constant, mut slope) = (0.0, body.joint.dynamics.damping);
+                    if let Coordinate::Independent(i) = *coordinate {
+                        let joint = own.joints().start + i;
+                        let (drive, of_drive) = self.laws[joint].drive_force(self.drives[joint]);
+                        (constant, slope) = (drive, slope + of_drive);
+                    }
+                    let v = coordinate.multiplier() * v[coordinate.index()];
+                    self.native.set_armature(dof, armatures[index] + h * slope);
+                    self.native.forces_mut()[dof] += constant - slope * v;
                 }
-                let v = coordinate.multiplier() * state.v_next[base + coordinate.index()];
-                self.native.set_armature(dof, self.armatures[index] + h * slope);
-                self.native.forces_mut()[dof] += constant - slope * v;
             }
             self.native.step();
             let mut settled = true;
-            for (i, (laws, drive)) in self.laws.iter().zip(&mut self.drives).enumerate() {
-                let x = self.native.qvel()[self.places.joints[model.joint_body(i)].1];
+            let dofs = self
+                .places
+                .articulations
+                .iter()
+                .flat_map(|part| part.drives.iter().map(|body| part.joints[*body].1));
+            for ((laws, drive), dof) in self.laws.iter().zip(&mut self.drives).zip(dofs) {
+                let x = self.native.qvel()[dof];
                 let found = laws.drive_mode(*drive, x);
                 settled &= found == *drive || !x.is_finite();
                 *drive = found;
@@ -69,13 +83,18 @@ impl Mujoco {
             }
             self.native.set_state(Parts::MOTION, &self.motion);
         }
-        self.read_state(state);
+        self.read_state(articulations, state);
         let (mut saturated, mut at_limit) = (0, 0);
-        for (i, (joint, laws)) in joints.iter().zip(&self.laws).enumerate() {
-            let (q, v) = (model.joints_of_q(&state.q_next)[i], model.joints_of_v(&state.v_next)[i]);
-            state.tau_next[i] = laws.drive(v);
-            saturated += usize::from(laws.is_saturated(v));
-            at_limit += usize::from(q <= joint.lower || q >= joint.upper);
+        for own in &*articulations {
+            let State { q_next, v_next, tau_next, .. } = state;
+            let (q, v) = (own.model.joints_of_q(&q_next[own.q()]), own.model.joints_of_v(&v_next[own.v()]));
+            let (joints, laws) = (&joints[own.joints()], &self.laws[own.joints()]);
+            let efforts = &mut tau_next[own.drives()];
+            for (i, (joint, laws)) in joints.iter().zip(laws).enumerate() {
+                efforts[i] = laws.drive(v[i]);
+                saturated += usize::from(laws.is_saturated(v[i]));
+                at_limit += usize::from(q[i] <= joint.lower || q[i] >= joint.upper);
+            }
         }
         report.saturated = report.saturated.max(saturated);
         report.at_limit = at_limit;
@@ -83,68 +102,77 @@ impl Mujoco {
 
     /// Generalized forces besides those of the drives, in MuJoCo's order: rotors, and what acts from outside.
     fn set_external(&mut self, robot: &mut Robot) {
-        let Robot { model, rotors, commands, state, kinematics, .. } = robot;
+        let Robot { articulations, commands, state, .. } = robot;
         self.forces.fill(0.0);
         self.generalized.copy_from_slice(&self.external);
-        let joints = model.joint_count();
-        for (index, rotor) in rotors.iter().enumerate() {
-            let thrust = rotor.thrust(&commands[joints + index]);
-            state.tau_next[joints + index] = thrust;
-            kinematics.jacobian(model, rotor.frame, Reference::Local, &mut self.jacobian);
-            for (force, column) in self.generalized.iter_mut().zip(self.jacobian.column_iter()) {
-                *force += thrust * (column[2] + rotor.torque_per_thrust * column[5]);
+        for ((own, places), jacobian) in
+            articulations.iter().zip(&self.places.articulations).zip(&mut self.jacobians)
+        {
+            let (model, joints) = (&own.model, own.model.joint_count());
+            let generalized = &mut self.generalized[own.v()];
+            let commands = &commands[own.drives()][joints..];
+            let thrusts = &mut state.tau_next[own.drives()][joints..];
+            for ((rotor, command), thrust) in own.rotors.iter().zip(commands).zip(thrusts) {
+                *thrust = rotor.thrust(command);
+                own.kinematics.jacobian(model, rotor.frame, Reference::Local, jacobian);
+                for (force, column) in generalized.iter_mut().zip(jacobian.column_iter()) {
+                    *force += *thrust * (column[2] + rotor.torque_per_thrust * column[5]);
+                }
+            }
+            for (body, force) in places.drives.iter().zip(model.joints_of_v(generalized)) {
+                self.forces[places.joints[*body].1] = *force;
+            }
+            if let Some((_, dof)) = places.base {
+                let rotation = base_pose(&state.q_next[own.q()]).rotation;
+                let linear = rotation * Vector3::from_column_slice(&generalized[..3]);
+                self.forces[dof..dof + 3].copy_from_slice(linear.as_slice());
+                self.forces[dof + 3..dof + 6].copy_from_slice(&generalized[3..6]);
             }
         }
-        let base = model.nv() - joints;
-        for i in 0..joints {
-            self.forces[self.places.joints[model.joint_body(i)].1] = self.generalized[base + i];
-        }
-        if let Some((_, dof)) = self.places.base {
-            let rotation = base_pose(&state.q_next).rotation;
-            let linear = rotation * Vector3::from_column_slice(&self.generalized[..3]);
-            self.forces[dof..dof + 3].copy_from_slice(linear.as_slice());
-            self.forces[dof + 3..dof + 6].copy_from_slice(&self.generalized[3..6]);
+    }
+
+    /// Places MuJoCo's robots in the next state of ours. Mimic joints follow exactly.
+    fn write_state(&mut self, articulations: &[Articulation], state: &State) {
+        for (own, places) in articulations.iter().zip(&self.places.articulations) {
+            let (q, v) = (&state.q_next[own.q()], &state.v_next[own.v()]);
+            let (joints_q, joints_v) = (own.model.joints_of_q(q), own.model.joints_of_v(v));
+            if let Some((place, dof)) = places.base {
+                let (qpos, pose) = (&mut self.native.qpos_mut()[place..place + 7], base_pose(q));
+                let r = pose.rotation;
+                qpos[..3].copy_from_slice(&q[..3]);
+                qpos[3..].copy_from_slice(&[r.w, r.i, r.j, r.k]);
+                let linear = r * Vector3::from_column_slice(&v[..3]);
+                let qvel = &mut self.native.qvel_mut()[dof..dof + 6];
+                qvel[..3].copy_from_slice(linear.as_slice());
+                qvel[3..].copy_from_slice(&v[3..6]);
+            }
+            for (coordinate, (place, dof)) in places.coordinates.iter().zip(&places.joints) {
+                self.native.qpos_mut()[*place] = coordinate.position(joints_q);
+                self.native.qvel_mut()[*dof] = coordinate.multiplier() * joints_v[coordinate.index()];
+            }
         }
     }
 
-    /// Places MuJoCo's robot in the next state of ours. Mimic joints follow exactly.
-    fn write_state(&mut self, state: &State) {
-        let (q, v) = (&state.q_next, &state.v_next);
-        let (mut offset, mut base) = (0, 0);
-        if let Some((place, dof)) = self.places.base {
-            (offset, base) = (7, 6);
-            let (qpos, pose) = (&mut self.native.qpos_mut()[place..place + 7], base_pose(q));
-            let r = pose.rotation;
-            qpos[..3].copy_from_slice(&q[..3]);
-            qpos[3..].copy_from_slice(&[r.w, r.i, r.j, r.k]);
-            let linear = r * Vector3::from_column_slice(&v[..3]);
-            let qvel = &mut self.native.qvel_mut()[dof..dof + 6];
-            qvel[..3].copy_from_slice(linear.as_slice());
-            qvel[3..].copy_from_slice(&v[3..6]);
-        }
-        for (coordinate, (place, dof)) in self.places.coordinates.iter().zip(&self.places.joints) {
-            self.native.qpos_mut()[*place] = coordinate.position(&q[offset..]);
-            self.native.qvel_mut()[*dof] = coordinate.multiplier() * v[base + coordinate.index()];
-        }
-    }
-
-    /// Reads the robot's next state.
-    fn read_state(&self, state: &mut State) {
+    /// Reads the next state of the robots.
+    fn read_state(&self, articulations: &[Articulation], state: &mut State) {
         let (qpos, qvel) = (self.native.qpos(), self.native.qvel());
-        let (q, v) = (&mut state.q_next, &mut state.v_next);
-        let (mut offset, mut base) = (0, 0);
-        if let Some((place, dof)) = self.places.base {
-            (offset, base) = (7, 6);
-            let (position, rotation) = pose_at(&qpos[place..]);
-            q[..3].copy_from_slice(position.as_slice());
-            q[3..7].copy_from_slice(rotation.coords.as_slice());
-            let linear = rotation.inverse_transform_vector(&Vector3::from_column_slice(&qvel[dof..dof + 3]));
-            v[..3].copy_from_slice(linear.as_slice());
-            v[3..6].copy_from_slice(&qvel[dof + 3..dof + 6]);
-        }
-        for (i, body) in self.places.drives.iter().enumerate() {
-            let (place, dof) = self.places.joints[*body];
-            (q[offset + i], v[base + i]) = (qpos[place], qvel[dof]);
+        for (own, places) in articulations.iter().zip(&self.places.articulations) {
+            let (q, v) = (&mut state.q_next[own.q()], &mut state.v_next[own.v()]);
+            let (mut offset, mut base) = (0, 0);
+            if let Some((place, dof)) = places.base {
+                (offset, base) = (7, 6);
+                let (position, rotation) = pose_at(&qpos[place..]);
+                q[..3].copy_from_slice(position.as_slice());
+                q[3..7].copy_from_slice(rotation.coords.as_slice());
+                let linear =
+                    rotation.inverse_transform_vector(&Vector3::from_column_slice(&qvel[dof..dof + 3]));
+                v[..3].copy_from_slice(linear.as_slice());
+                v[3..6].copy_from_slice(&qvel[dof + 3..dof + 6]);
+            }
+            for (i, body) in places.drives.iter().enumerate() {
+                let (place, dof) = places.joints[*body];
+                (q[offset + i], v[base + i]) = (qpos[place], qvel[dof]);
+            }
         }
     }
 

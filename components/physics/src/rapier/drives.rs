@@ -10,11 +10,13 @@ impl Rapier {
     /// Sets every drive for a step of integration steps of `h` \[s\]: its law or its limit acts. `overdriven` then
     /// marks the latter, and `tau_next` holds its effort.
     pub(super) fn command_drives(&mut self, robot: &mut Robot, h: f64) -> Result<(), StepError> {
-        let Robot { model, joints, commands, state, gravity, .. } = robot;
+        let Robot { articulations, joints, commands, state, gravity, .. } = robot;
+        let own = &articulations[0];
+        let model = &own.model;
         let State { q, v, q_next, v_next, tau_next, .. } = state;
         // The motion without contacts predicts which drives saturate.
         let free = self.integrator.advance(model, q_next, v_next, commands, *gravity, h, tau_next);
-        free.map_err(|Singular(index)| StepError::singular(model, index))?;
+        free.map_err(|Singular(index)| StepError::singular(own, index))?;
         for (i, joint) in joints.iter().enumerate() {
             let c = commands[i];
             let limit = joint.effort_limit;
@@ -33,7 +35,8 @@ impl Rapier {
 
     /// Reads the next state of the robot, and the efforts that acted.
     pub(super) fn read_state(&mut self, robot: &mut Robot, report: &mut StepReport) {
-        let Robot { model, joints, commands, state, .. } = robot;
+        let Robot { articulations, joints, commands, state, .. } = robot;
+        let model = &articulations[0].model;
         let State { q_next, v_next, tau_next, .. } = state;
         self.multibody.read(model, &self.scene, q_next, v_next);
         for (i, joint) in joints.iter().enumerate() {

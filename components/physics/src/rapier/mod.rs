@@ -78,20 +78,23 @@ impl Engine for Rapier {
     const CAPABILITIES: Capabilities = Capabilities { floating_bases: false, allocation_free: false };
 
     fn build(
-        setup: &RobotSetup,
+        setups: &[RobotSetup],
         robot: &Robot,
         world: &World,
         options: &Options,
         warnings: &mut Vec<BuildWarning>,
     ) -> Result<Self, BuildError> {
-        let model = &robot.model;
-        if model.base().floating {
-            return Err(BuildError::FloatingBase { robot: model.name().to_owned() });
+        let model = &robot.first().model;
+        if let Some(floating) = setups.iter().find(|setup| setup.model.base().floating) {
+            return Err(BuildError::FloatingBase { robot: floating.model.name().to_owned() });
+        }
+        if setups.len() > 1 {
+            return Err(BuildError::SeveralArticulations);
         }
         if world.terrain.is_some() {
             return Err(BuildError::Terrain);
         }
-        if setup.actuators.iter().any(Option::is_some) {
+        if setups.iter().any(|setup| setup.actuators.iter().any(Option::is_some)) {
             return Err(BuildError::IdealDrives);
         }
         if options.substeps != 1 {
@@ -99,7 +102,7 @@ impl Engine for Rapier {
                 (options.substeps as f64, "1: rapier takes `contact_iterations` steps always");
             return Err(BuildError::Option { name: "substeps", value, expected });
         }
-        let colliders = Colliders::new(setup, world, options, warnings);
+        let colliders = Colliders::new(setups, world, options, warnings);
         for collider in &colliders.colliders {
             if rapier_shape(&collider.shape).is_none() {
                 let reason = "its mesh has no volume, which rapier needs".to_owned();
@@ -132,7 +135,14 @@ impl Engine for Rapier {
         Ok(())
     }
 
-    fn apply_wrench(&mut self, robot: &Robot, link: FrameId, point: &Point3<f64>, wrench: [Vector3<f64>; 2]) {
+    fn apply_wrench(
+        &mut self,
+        robot: &Robot,
+        (_, link): (usize, FrameId),
+        point: &Point3<f64>,
+        wrench: [Vector3<f64>; 2],
+    ) {
+        let robot = robot.first();
         let Some(body) = robot.model.frames()[link.index()].body else { return };
         // Rapier places the links, and knows their centres of mass, in its first step only.
         let com = robot.kinematics.body_pose(body) * Point3::from(robot.model.bodies()[body].inertia.com);
@@ -151,7 +161,7 @@ impl Engine for Rapier {
     }
 
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>) {
-        self.colliders.exclude_close(&robot.kinematics, warnings);
+        self.colliders.exclude_close(robot, warnings);
         self.pairs = PairTable::new(self.colliders.colliders.len(), self.colliders.model.pairs());
     }
 
@@ -159,11 +169,11 @@ impl Engine for Rapier {
         self.dt = dt;
         let mut report = StepReport { near_contact: true, ..StepReport::default() };
         if self.stale {
-            self.multibody.set_positions(&robot.model, &mut self.scene, &robot.state.q);
+            self.multibody.set_positions(&robot.first().model, &mut self.scene, &robot.state.q);
             self.overdriven.fill(false);
         }
         self.stale = false;
-        self.multibody.set_velocity(&robot.model, &mut self.scene, &robot.state.v);
+        self.multibody.set_velocity(&robot.first().model, &mut self.scene, &robot.state.v);
         self.command_drives(robot, self.scene.substep(dt))?;
         self.scene.step(dt, &robot.gravity, &self.pairs);
         self.read_state(robot, &mut report);
@@ -252,11 +262,11 @@ fn populate(
     enclose: Enclose,
 ) -> (Scene, Multibody) {
     let mut scene = Scene::new(world, options.contact_iterations, enclose);
-    let multibody = Multibody::new(&robot.model, &robot.joints, &mut scene);
+    let multibody = Multibody::new(&robot.first().model, &robot.joints, &mut scene);
     for (index, collider) in colliders.colliders.iter().enumerate() {
         let Some((shape, frame)) = rapier_shape(&collider.shape) else { continue };
         let (body, placement) = match (collider.owner, index.checked_sub(colliders.first_object)) {
-            (Owner::Body(body), _) => (Some(multibody.links[body]), collider.placement),
+            (Owner::Body(_, body), _) => (Some(multibody.links[body]), collider.placement),
             (_, Some(object)) if object < scene.objects.len() => {
                 (Some(scene.objects[object]), Isometry3::identity())
             }

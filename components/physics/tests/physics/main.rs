@@ -22,6 +22,7 @@ mod mujoco_properties;
 mod panda;
 mod pushes;
 mod randomise;
+mod several_articulations;
 mod several_robots;
 mod standing;
 mod terrain;

@@ -111,7 +111,7 @@ impl Randomiser {
         let v = vec![0.0; simulation.velocity().len()];
         simulation.reset_with(&start.properties, &start.q, &v)?;
         if self.on_ground && start.moved {
-            E::prepare(simulation, true);
+            E::prepare(simulation, &[0]);
         }
         if start.lift != 0.0 {
             let mut q = simulation.configuration().to_vec();

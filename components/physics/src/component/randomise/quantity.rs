@@ -273,7 +273,7 @@ impl Scene<'_> {
             }
         }
         let model = model.with_factors(base, &factors);
-        Start { properties: Properties { model, world, surfaces }, q, lift, moved }
+        Start { properties: Properties { model, world, surfaces, ..self.nominal.clone() }, q, lift, moved }
     }
 
     /// Sets the friction or the restitution of the surfaces that a quantity is about.

@@ -1,0 +1,120 @@
+//! Several robots of one component: each loaded and placed, and those with fixed bases joined.
+
+use motorium::declare::{ConfigError, RobotReference};
+use motorium_robots::{Loaded, Model, Placed, Srdf};
+use nalgebra::{Isometry3, Translation3};
+
+use super::build::load;
+use super::config::{self, PhysicsConfig};
+use crate::{RobotSetup, RotorDrive};
+
+/// One of several robots, where it starts.
+pub(super) struct Placing {
+    pub(super) loaded: Loaded,
+    setup: RobotSetup,
+    /// Names of its links and joints begin with this.
+    prefix: String,
+    /// Its start (nq).
+    pub(super) q: Vec<f64>,
+    /// Nothing says where its floating base starts: on the ground.
+    pub(super) anywhere: bool,
+}
+
+impl Placing {
+    /// Loads a robot, and finds its start.
+    pub(super) fn load(config: &PhysicsConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
+        let (setup, loaded) = load(config, robot)?;
+        let start = config.start.get(&robot.name).cloned().unwrap_or_default();
+        let own = PhysicsConfig {
+            pose: start.pose.or(config.pose.clone()),
+            position: start.position,
+            base: None,
+            ..config.clone()
+        };
+        let joints = own.start(&loaded).map_err(|error| inside(error, &robot.name))?;
+        let base = own.base_start(&loaded, robot.pose.is_some())?;
+        // A base without a given place is put on the ground from high above everything else.
+        let above = Translation3::new(0.0, 0.0, 1e3) * loaded.model.base().neutral;
+        let q = config::configuration(&loaded.model, &base.unwrap_or(above), &joints);
+        let anywhere = loaded.model.base().floating && base.is_none();
+        Ok(Self { loaded, setup, prefix: format!("{}/", robot.name), q, anywhere })
+    }
+
+    /// Number of its drives.
+    pub(super) fn drives(&self) -> usize {
+        self.loaded.model.joint_count() + self.setup.rotors.len()
+    }
+
+    /// Its setup as an articulation of its own.
+    pub(super) fn alone(&self) -> RobotSetup {
+        let rotors = self
+            .setup
+            .rotors
+            .iter()
+            .map(|rotor| RotorDrive { name: format!("{}{}", self.prefix, rotor.name), ..rotor.clone() });
+        RobotSetup {
+            model: self.loaded.model.prefixed(&self.prefix),
+            rotors: rotors.collect(),
+            collision_rules: self.setup.collision_rules.prefixed(&self.prefix),
+            friction: self.friction().collect(),
+            actuators: Vec::new(),
+        }
+    }
+
+    fn friction(&self) -> impl Iterator<Item = (String, f64)> {
+        let named = |(link, friction): (&String, &f64)| (format!("{}{link}", self.prefix), *friction);
+        self.setup.friction.iter().map(named)
+    }
+
+    /// The links near its base, with their names in the simulation.
+    fn near_base(&self) -> Vec<String> {
+        let model = &self.loaded.model;
+        let first = model.bodies().iter().filter(|body| body.parent.is_none());
+        let shapes = model.base_shapes().iter().chain(first.flat_map(|body| &body.shapes));
+        let mut links: Vec<String> = shapes.map(|shape| format!("{}{}", self.prefix, shape.link)).collect();
+        links.dedup();
+        links
+    }
+}
+
+/// Robots with fixed bases as one articulation: each stands where the graph has it.
+pub(super) fn together(robots: &[&Placing]) -> Result<RobotSetup, ConfigError> {
+    let mut rules = Srdf::default();
+    for robot in robots {
+        rules.extend(robot.setup.collision_rules.prefixed(&robot.prefix));
+    }
+    rules.enabled.extend(between(robots));
+    let placed: Vec<Placed<'_>> = robots
+        .iter()
+        .map(|robot| Placed {
+            model: &robot.loaded.model,
+            prefix: &robot.prefix,
+            placement: Isometry3::identity(),
+        })
+        .collect();
+    let model =
+        Model::world("world", &placed).map_err(|error| ConfigError::key("robots", error.to_string()))?;
+    let friction = robots.iter().flat_map(|robot| robot.friction()).collect();
+    Ok(RobotSetup { collision_rules: rules, friction, ..RobotSetup::from(model) })
+}
+
+/// An error about the start of one of several robots.
+fn inside(error: ConfigError, robot: &str) -> ConfigError {
+    match &error.key {
+        Some(key) => ConfigError { key: Some(format!("start.{robot}.{key}")), ..error },
+        None => error,
+    }
+}
+
+/// Pairs of links near the bases of two robots. Within one robot such links never touch: a joint joins them, or they are
+/// neighbours; and in the common model all bases are one.
+fn between(robots: &[&Placing]) -> Vec<(String, String)> {
+    let near: Vec<Vec<String>> = robots.iter().map(|robot| robot.near_base()).collect();
+    let mut pairs = Vec::new();
+    for (index, links) in near.iter().enumerate() {
+        for other in &near[index + 1..] {
+            pairs.extend(links.iter().flat_map(|a| other.iter().map(move |b| (a.clone(), b.clone()))));
+        }
+    }
+    pairs
+}

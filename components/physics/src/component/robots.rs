@@ -1,0 +1,240 @@
+//! The robots of a component: their ports, their commands, their part of the report.
+
+use core::ops::Range;
+
+use motorium::component::{ConfigureError, Setup, Tick};
+use motorium::declare::{ConfigError, StepError};
+use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
+use motorium::state::{self, BaseState, JointState};
+use motorium::transport::{Input, Output};
+use motorium_robots::{Dynamics, Model};
+use nalgebra::Vector3;
+use serde_json::{Value, json};
+
+use super::build::BuiltRobot;
+use super::limits;
+use crate::{Engine, JointCommand, Simulation, Simulator};
+
+/// One robot of the simulation, with its ports.
+pub(super) struct Actuated {
+    /// Its name in the graph, where there are several.
+    name: Option<String>,
+    articulation: usize,
+    /// Its drives among those of the simulation.
+    drives: Range<usize>,
+    command: Input<state::JointCommand>,
+    state: Output<JointState>,
+    base_state: Option<Output<BaseState>>,
+    /// `None` where the commands are those of simulated drives, which are checked elsewhere.
+    gate: Option<CommandGate>,
+    /// Steps in the safe state.
+    pub(super) safe: u64,
+    /// Steps on the way back from it.
+    pub(super) resuming: u64,
+    /// Position of the base at the start \[m\].
+    start: [f64; 3],
+    /// Heights of the base \[m\].
+    lowest: f64,
+    highest: f64,
+}
+
+/// The efforts against gravity that safe states reckon with: those of the robots as their files have them, whatever is
+/// drawn.
+pub(super) struct SafeStates {
+    models: Vec<Model>,
+    gravity: Vector3<f64>,
+    /// One for each model.
+    dynamics: Vec<Dynamics>,
+    efforts: Vec<Vec<f64>>,
+}
+
+impl SafeStates {
+    pub(super) fn new<E: Engine>(simulation: &Simulation<E>) -> Self {
+        let models: Vec<Model> = simulation.articulations().iter().map(|own| own.model().clone()).collect();
+        Self {
+            gravity: simulation.gravity(),
+            dynamics: models.iter().map(Dynamics::new).collect(),
+            efforts: models.iter().map(|model| vec![0.0; model.nv()]).collect(),
+            models,
+        }
+    }
+
+    /// Efforts of the joints of an articulation in its configuration `q`.
+    fn efforts(&mut self, articulation: usize, q: &[f64]) -> &[f64] {
+        let (model, efforts) = (&self.models[articulation], &mut self.efforts[articulation]);
+        self.dynamics[articulation].gravity(model, q, self.gravity, efforts);
+        model.joints_of_v(efforts)
+    }
+}
+
+impl Actuated {
+    /// Opens the ports of all robots; the bases start at `starts`.
+    pub(super) fn open<E: Engine>(
+        robots: Vec<BuiltRobot>,
+        (simulation, starts): (&Simulation<E>, &[[f64; 3]]),
+        plant: bool,
+        setup: &mut Setup,
+    ) -> Result<Vec<Self>, ConfigureError> {
+        let names = simulation.joint_names();
+        let limits =
+            robots.iter().map(|robot| limits::of_drives(&robot.loaded, &names[robot.drives.clone()]));
+        let limits: Result<Vec<_>, ConfigError> = limits.collect();
+        let limits = limits.map_err(ConfigureError::Config)?;
+        let gates: Vec<_> = if plant {
+            limits.iter().map(|_| None).collect()
+        } else {
+            setup.command_gates(limits)?.into_iter().map(Some).collect()
+        };
+        let mut actuated = Vec::new();
+        for ((robot, gate), start) in robots.into_iter().zip(gates).zip(starts) {
+            let floating = robot.loaded.model.base().floating;
+            let base_state =
+                if floating { Some(setup.named_output(&robot.port("base_state"))?) } else { None };
+            actuated.push(Self {
+                command: setup.input(&robot.port("joint_command"))?,
+                state: setup.named_output(&robot.port("joint_state"))?,
+                base_state,
+                name: robot.name,
+                articulation: robot.articulation,
+                drives: robot.drives,
+                gate,
+                safe: 0,
+                resuming: 0,
+                start: *start,
+                lowest: f64::INFINITY,
+                highest: f64::NEG_INFINITY,
+            });
+        }
+        Ok(actuated)
+    }
+
+    /// Applies the newest command as far as the gate lets it pass, or the safe state.
+    pub(super) fn apply_command<E: Engine>(
+        &mut self,
+        simulation: &mut Simulation<E>,
+        safe_states: &mut SafeStates,
+        tick: &Tick,
+    ) {
+        let Some(gate) = &mut self.gate else {
+            apply_as_given(&mut self.command, &mut simulation.commands_mut()[self.drives.clone()]);
+            return;
+        };
+        let (drives, own) = (self.drives.clone(), &simulation.articulations()[self.articulation]);
+        let (q, first) = (&simulation.configuration()[own.q()], own.drives().start);
+        let mut of_drives = |effort: &mut [f64]| {
+            let joints = safe_states.efforts(self.articulation, q);
+            for (effort, drive) in effort.iter_mut().zip(drives.clone()) {
+                // A rotor holds nothing.
+                *effort = joints.get(drive - first).copied().unwrap_or(0.0);
+            }
+        };
+        let measured = Measured {
+            position: &simulation.positions()[drives.clone()],
+            velocity: &simulation.velocities()[drives.clone()],
+            gravity: &mut of_drives,
+        };
+        let verdict = gate.check_for(&mut self.command, measured, tick.dt());
+        self.safe += u64::from(!tick.settling && matches!(verdict, Verdict::Safe { .. }));
+        self.resuming += u64::from(verdict == Verdict::Resuming);
+        let commands = &mut simulation.commands_mut()[drives];
+        for (command, setpoint) in commands.iter_mut().zip(gate.setpoints()) {
+            let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *setpoint;
+            *command = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
+        }
+    }
+
+    /// Notes where the base is after a step.
+    pub(super) fn follow<E: Engine>(&mut self, simulation: &Simulation<E>) {
+        let [.., height] = position(simulation, self.articulation);
+        (self.lowest, self.highest) = (self.lowest.min(height), self.highest.max(height));
+    }
+
+    /// Publishes the state after a step.
+    pub(super) fn publish<E: Engine>(&mut self, simulation: &Simulation<E>) -> Result<(), StepError> {
+        if let Some(output) = &mut self.base_state {
+            let own = &simulation.articulations()[self.articulation];
+            let (q, v) = (&simulation.configuration()[own.q()], &simulation.velocity()[own.v()]);
+            let mut base = output.loan()?;
+            base.position.copy_from_slice(&q[..3]);
+            base.orientation.copy_from_slice(&q[3..7]);
+            base.linear_velocity.copy_from_slice(&v[..3]);
+            base.angular_velocity.copy_from_slice(&v[3..6]);
+            base.publish()?;
+        }
+        let drives = self.drives.clone();
+        let mut state = self.state.loan()?;
+        state.set_count(drives.len());
+        state.position_mut().copy_from_slice(&simulation.positions()[drives.clone()]);
+        state.velocity_mut().copy_from_slice(&simulation.velocities()[drives.clone()]);
+        state.effort_mut().copy_from_slice(&simulation.efforts()[drives]);
+        state.publish()?;
+        Ok(())
+    }
+
+    /// Starts an episode with the simulation as it stands.
+    pub(super) fn reset<E: Engine>(&mut self, simulation: &Simulation<E>) {
+        if let Some(gate) = &mut self.gate {
+            gate.reset();
+        }
+        (self.safe, self.resuming) = (0, 0);
+        self.start = position(simulation, self.articulation);
+        (self.lowest, self.highest) = (f64::INFINITY, f64::NEG_INFINITY);
+    }
+
+    /// Adds its part to the report of a run: of the only robot at the top, of several each under its name.
+    pub(super) fn report<E: Engine>(&self, simulation: &Simulation<E>, result: &mut Value) {
+        let into = match &self.name {
+            None => result,
+            Some(name) => {
+                let joints = &simulation.joint_names()[self.drives.clone()];
+                result["robots"][name] = json!({
+                    "steps_in_safe_state": self.safe,
+                    "joints": own_names(joints, name),
+                    "joint_position": simulation.positions()[self.drives.clone()],
+                });
+                &mut result["robots"][name]
+            }
+        };
+        if self.base_state.is_some() {
+            let pose = simulation.base_pose_of(self.articulation);
+            let position = pose.translation.vector;
+            let (roll, pitch, yaw) = pose.rotation.euler_angles();
+            let (dx, dy) = (position.x - self.start[0], position.y - self.start[1]);
+            into["base_position"] = json!([position.x, position.y, position.z]);
+            into["base_rpy"] = json!([roll, pitch, yaw]);
+            into["base_height_lowest_m"] = json!(self.lowest);
+            into["base_height_highest_m"] = json!(self.highest);
+            into["base_travel_x_m"] = json!(dx);
+            into["base_travel_y_m"] = json!(dy);
+        }
+    }
+}
+
+/// Position of the base of an articulation \[m\].
+pub(super) fn position<E: Engine>(simulation: &Simulation<E>, articulation: usize) -> [f64; 3] {
+    simulation.base_pose_of(articulation).translation.vector.into()
+}
+
+/// The names of the joints of one of several robots, without that of the robot in front of them.
+fn own_names(names: &[String], robot: &str) -> Vec<String> {
+    let own = |name: &String| name.strip_prefix(robot)?.strip_prefix('/').map(str::to_string);
+    names.iter().map(|name| own(name).unwrap_or_else(|| name.clone())).collect()
+}
+
+/// Applies the newest command of simulated drives as it is; one for another number of drives is no command.
+fn apply_as_given(input: &mut Input<state::JointCommand>, commands: &mut [JointCommand]) {
+    let Some(newest) = input.latest().filter(|newest| newest.count() == commands.len()) else { return };
+    for (i, command) in commands.iter_mut().enumerate() {
+        let given = JointCommand {
+            position: newest.position()[i],
+            velocity: newest.velocity()[i],
+            effort: newest.effort()[i],
+            kp: newest.kp()[i],
+            kd: newest.kd()[i],
+            ..JointCommand::default()
+        };
+        if given.is_valid() {
+            *command = given;
+        }
+    }
+}

@@ -1,0 +1,375 @@
+//! The impulses at all contact points of a step, found together.
+
+mod assembly;
+
+use core::ops::Range;
+
+use motorium_robots::MassFactor;
+use nalgebra::Vector3;
+
+use super::colliders::Owner;
+use super::cone::ConeSolver;
+use super::detect::ContactPoint;
+use super::islands::Islands;
+use super::objects::FreeBody;
+use super::site::{Mobility, ObjectRow, Side, Site, axes};
+use crate::robot::Articulation;
+
+/// Overlap decays at this rate \[1/s\].
+const RECOVERY_RATE: f64 = 50.0;
+
+/// And no faster than this \[m/s\].
+const FASTEST_RECOVERY: f64 = 0.5;
+
+/// Smallest mobility of a contact point (its diagonal entry of W) relative to that of a free body of the robot's
+/// mass. Below it the joints hold the point, which needs no impulse.
+const IMMOVABLE: f64 = 1e-9;
+
+/// Most contact points of an island whose Delassus matrix is formed.
+const DENSE: usize = 60;
+
+/// Contact impulses of one step over the Delassus matrix `W = J A^-1 J'`.
+///
+/// For each contact point with normal n and relative velocity w of the surfaces at the end of the step
+///
+/// ```text
+/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0      target = -distance / h, apart
+/// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
+/// ```
+///
+/// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid. Overlap
+/// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy than the
+/// robot's mass has at that speed: where joints hardly let a point move, recovery is slower. The impulses of the last
+/// step are the first guess.
+///
+/// A is made of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact points that
+/// no chain of blocks joins are [islands](Islands) and solved apart: small ones over their matrix W, large ones
+/// [body by body](super::sweeps::Island). Nothing allocates after [`new`](Self::new).
+#[derive(Clone, Debug)]
+pub(crate) struct Impulses {
+    /// Number of velocities of all articulations, and the part of each.
+    n: usize,
+    parts: Vec<Range<usize>>,
+    sites: Vec<Site>,
+    /// Columns of J over the articulations' velocities, n for each contact point: entries of the normal and of two
+    /// tangents.
+    jacobian: Vec<[f64; 4]>,
+    /// The same after half a solution with A: `W = Y' Y`.
+    reduced: Vec<[f64; 4]>,
+    /// Columns that are not zero, up to n for each contact point, and their number.
+    support: Vec<u32>,
+    supported: Vec<usize>,
+    marked: Vec<bool>,
+    /// The free objects.
+    bodies: Vec<Mobility>,
+    /// Their velocities without impulses.
+    falling: Vec<FreeBody>,
+    /// Rows of J over them, three for each contact point of an island whose matrix is formed.
+    rows: Vec<[Option<ObjectRow>; 2]>,
+    /// Masses of the articulations \[kg\].
+    masses: Vec<f64>,
+    /// Half the solution for all impulses (nv).
+    sum: Vec<f64>,
+    pub(super) lambda: Vec<f64>,
+    islands: Islands,
+    /// Islands that are to be solved.
+    pending: Vec<bool>,
+    cone: ConeSolver,
+    keys: Vec<u64>,
+    last: Vec<(u64, [f64; 3])>,
+}
+
+/// An articulation as the impulses move it.
+pub(crate) struct ImpulseTarget<'a> {
+    /// Factor of the matrix from velocities to impulses.
+    pub(crate) factor: &'a MassFactor,
+    /// Entries whose velocity is fixed: no impulse changes them.
+    pub(crate) held: &'a [bool],
+    /// The end velocity without impulses; their effect is added.
+    pub(crate) x: &'a mut [f64],
+    /// The generalized impulse, which is zero, is added here.
+    pub(crate) impulse: &'a mut [f64],
+}
+
+/// An articulation that contact impulses act on.
+pub(crate) trait MovedByImpulses {
+    /// Its end velocity and what maps impulses to it.
+    fn target(&mut self) -> ImpulseTarget<'_>;
+}
+
+impl Impulses {
+    /// For these articulations, so many free objects, and up to `most` contact points.
+    pub(crate) fn new(articulations: &[Articulation], objects: usize, most: usize) -> Self {
+        let n = articulations.last().map_or(0, |last| last.v().end);
+        let mut impulses = Self {
+            n,
+            parts: articulations.iter().map(Articulation::v).collect(),
+            sites: Vec::with_capacity(most),
+            jacobian: vec![[0.0; 4]; most * n],
+            reduced: vec![[0.0; 4]; most * n],
+            support: vec![0; most * n],
+            supported: vec![0; most],
+            marked: vec![false; n],
+            bodies: Vec::with_capacity(objects),
+            falling: Vec::with_capacity(objects),
+            rows: vec![[None; 2]; 3 * DENSE],
+            masses: Vec::new(),
+            sum: vec![0.0; n],
+            lambda: vec![0.0; 3 * most],
+            islands: Islands::new(articulations.len() + objects, most),
+            pending: Vec::with_capacity(most),
+            cone: ConeSolver::new(most.min(DENSE)),
+            keys: Vec::with_capacity(most),
+            last: Vec::with_capacity(most),
+        };
+        impulses.set_masses(articulations);
+        impulses
+    }
+
+    /// Takes over the masses of the articulations.
+    pub(crate) fn set_masses(&mut self, articulations: &[Articulation]) {
+        self.masses.clear();
+        self.masses.extend(articulations.iter().map(|own| own.model().mass()));
+    }
+
+    /// Forgets the last step.
+    pub(crate) fn forget(&mut self) {
+        self.sites.clear();
+        self.keys.clear();
+        self.last.clear();
+    }
+
+    /// The impulses of the last step by the keys of their contact points: what the next begins with.
+    pub(crate) fn save(&self) -> Vec<(u64, [f64; 3])> {
+        self.keys.iter().enumerate().map(|(index, key)| (*key, self.of(index))).collect()
+    }
+
+    /// Goes back to saved impulses.
+    pub(crate) fn restore(&mut self, impulses: &[(u64, [f64; 3])]) {
+        self.forget();
+        for (index, (key, impulse)) in impulses.iter().enumerate() {
+            self.keys.push(*key);
+            self.lambda[3 * index..][..3].copy_from_slice(impulse);
+        }
+    }
+
+    fn of(&self, index: usize) -> [f64; 3] {
+        [0, 1, 2].map(|part| self.lambda[3 * index + part])
+    }
+
+    /// Impulse at contact point `index` along its normal \[Ns\].
+    pub(crate) fn normal(&self, index: usize) -> f64 {
+        self.lambda[3 * index]
+    }
+
+    /// Impulse at contact point `index`, of this normal, on the first of its two colliders, world axes \[Ns\].
+    pub(crate) fn vector(&self, index: usize, normal: &Vector3<f64>) -> Vector3<f64> {
+        let axes = axes(normal);
+        (0..3).map(|part| axes[part] * self.lambda[3 * index + part]).sum()
+    }
+
+    /// Sets up the contact points of a step of `h` \[s\]. `slopes(owner, point, axes, sign, columns)` adds to `columns`
+    /// (nv of an articulation) `sign` times the Jacobian of the velocities along the three axes of its part there; `v`
+    /// (nv) are the articulations' velocities now, `before` and `falling` the objects' now and after falling for the step.
+    pub(crate) fn prepare(
+        &mut self,
+        points: &[ContactPoint],
+        h: f64,
+        v: &[f64],
+        (before, falling): (&[FreeBody], &[FreeBody]),
+        slopes: impl Fn(Owner, &ContactPoint, &[Vector3<f64>; 3], f64, &mut [[f64; 4]]),
+    ) {
+        self.last.clear();
+        for (index, key) in self.keys.iter().enumerate() {
+            self.last.push((*key, [0, 1, 2].map(|part| self.lambda[3 * index + part])));
+        }
+        self.keys.clear();
+        self.sites.clear();
+        self.falling.clear();
+        self.falling.extend_from_slice(falling);
+        self.bodies.clear();
+        if !points.is_empty() {
+            self.bodies.extend(falling.iter().map(Mobility::new));
+        }
+        let n = self.n;
+        // Points come in nearly the same order in every step.
+        let mut expected = 0;
+        for (index, point) in points.iter().enumerate() {
+            let mut site = Site::new(point, falling);
+            let columns = &mut self.jacobian[index * n..][..n];
+            for of in site.articulations() {
+                columns[self.parts[of].clone()].fill([0.0; 4]);
+            }
+            for (owner, sign) in [(point.owners.0, 1.0), (point.owners.1, -1.0)] {
+                if let Some(of) = owner.articulation() {
+                    slopes(owner, point, &site.axes, sign, &mut columns[self.parts[of].clone()]);
+                }
+            }
+            site.falling = [0, 1, 2].map(|axis| site.speed(axis, falling));
+            let mut now = 0.0;
+            for of in site.articulations() {
+                let part = self.parts[of].clone();
+                now +=
+                    columns[part.clone()].iter().zip(&v[part]).map(|(column, v)| column[0] * v).sum::<f64>();
+            }
+            now += site.speed(0, before);
+            site.target = if point.distance + h * now < 0.0 && now * point.restitution < -0.01 {
+                -point.restitution * now
+            } else if point.distance > 0.0 {
+                -point.distance / h
+            } else {
+                site.overlapping = true;
+                site.recovery = (-point.distance * RECOVERY_RATE).min(FASTEST_RECOVERY);
+                site.recovery
+            };
+            self.sites.push(site);
+            self.keys.push(point.key);
+            let (ahead, behind) = self.last.split_at(expected);
+            let found = behind.iter().chain(ahead).position(|(key, _)| *key == point.key);
+            let place = found.map(|place| (expected + place) % self.last.len());
+            let warm = place.map_or([0.0; 3], |place| self.last[place].1);
+            expected = place.map_or(expected, |place| (place + 1) % self.last.len());
+            self.lambda[3 * index..][..3].copy_from_slice(&warm);
+        }
+        let articulations = self.parts.len();
+        self.islands.find(self.sites.iter().map(|site| {
+            site.sides.map(|side| match side {
+                Side::World => None,
+                Side::Articulation(of) => Some(of),
+                Side::Object(object, _) => Some(articulations + object),
+            })
+        }));
+        self.pending.clear();
+        self.pending.resize(self.islands.count(), true);
+    }
+
+    /// Gives the objects the velocities that the impulses lead to.
+    pub(crate) fn push_objects(&self, bodies: &mut [FreeBody]) {
+        for (index, site) in self.sites.iter().enumerate() {
+            let impulse = site.vector(&self.lambda[3 * index..]);
+            for (side, sign) in site.sides.iter().zip([1.0, -1.0]) {
+                if let Side::Object(object, arm) = side {
+                    let mobility = &self.bodies[*object];
+                    bodies[*object].linear += impulse * (sign * mobility.inverse_mass);
+                    bodies[*object].angular += mobility.inverse_inertia * arm.cross(&impulse) * sign;
+                }
+            }
+        }
+    }
+
+    /// Has the island of an articulation solved again; its articulations must be at their velocities without impulses then.
+    pub(crate) fn solve_again(&mut self, articulation: usize) {
+        if let Some(island) = self.islands.of_body(articulation) {
+            self.pending[island] = true;
+        }
+    }
+
+    /// True where the island of an articulation is to be solved.
+    pub(crate) fn is_pending(&mut self, articulation: usize) -> bool {
+        self.islands.of_body(articulation).is_some_and(|island| self.pending[island])
+    }
+
+    /// Solves the islands that are to be, and moves the articulations in them.
+    pub(crate) fn solve(&mut self, articulations: &mut [impl MovedByImpulses]) {
+        for island in 0..self.islands.count() {
+            if std::mem::take(&mut self.pending[island]) {
+                self.solve_island(island, articulations);
+            }
+        }
+    }
+
+    fn solve_island(&mut self, island: usize, articulations: &mut [impl MovedByImpulses]) {
+        let places = self.islands.places(island);
+        for place in places.clone() {
+            self.reduce(self.islands.point(place), articulations);
+        }
+        if places.len() <= DENSE {
+            self.solve_dense(places.clone());
+        } else {
+            self.solve_sparse(places.clone());
+        }
+        self.move_articulations(places, articulations);
+    }
+
+    /// Half a solution for contact point `index`, and its velocity without impulses.
+    fn reduce(&mut self, index: usize, articulations: &mut [impl MovedByImpulses]) {
+        let n = self.n;
+        let site = &mut self.sites[index];
+        site.free = [0.0; 3];
+        self.supported[index] = 0;
+        let own = &self.jacobian[index * n..][..n];
+        let reduced = &mut self.reduced[index * n..][..n];
+        let mut velocity = [0.0; 4];
+        if self.parts.len() > 1 {
+            reduced.fill([0.0; 4]);
+        }
+        for of in site.articulations() {
+            let (part, target) = (self.parts[of].clone(), articulations[of].target());
+            let marked = &mut self.marked[part.clone()];
+            let reduced = &mut reduced[part.clone()];
+            let mut touches = false;
+            for (k, column) in own[part.clone()].iter().enumerate() {
+                let moves = *column != [0.0; 4];
+                marked[k] = moves;
+                touches |= moves;
+                if moves {
+                    for (velocity, entry) in velocity.iter_mut().zip(column) {
+                        *velocity += entry * target.x[k];
+                    }
+                }
+                reduced[k] = if target.held[k] { [0.0; 4] } else { *column };
+            }
+            if touches {
+                target.factor.mark_carriers(marked);
+                let first = self.supported[index];
+                let support = &mut self.support[index * n..][..n];
+                for k in (0..part.len()).filter(|k| marked[*k]) {
+                    support[self.supported[index]] = k as u32;
+                    self.supported[index] += 1;
+                }
+                let support = &mut support[first..self.supported[index]];
+                target.factor.half_solve(support, reduced);
+                support.iter_mut().for_each(|k| *k += part.start as u32);
+            }
+        }
+        for ((free, velocity), falling) in site.free.iter_mut().zip(velocity).zip(site.falling) {
+            *free = velocity + falling;
+        }
+    }
+
+    /// Adds the effect of the impulses of an island to the velocities of its articulations.
+    fn move_articulations(&mut self, places: Range<usize>, articulations: &mut [impl MovedByImpulses]) {
+        for (of, own) in articulations.iter_mut().enumerate() {
+            let (part, target) = (self.parts[of].clone(), own.target());
+            let mut moved = false;
+            self.sum[part.clone()].fill(0.0);
+            for place in places.clone() {
+                let index = self.islands.point(place);
+                let lambda = &self.lambda[3 * index..][..3];
+                if lambda == [0.0; 3] || !self.sites[index].articulations().any(|other| other == of) {
+                    continue;
+                }
+                moved = true;
+                let times = |column: &[f64; 4]| column.iter().zip(lambda).map(|(a, b)| a * b).sum::<f64>();
+                for &k in &self.support[index * self.n..][..self.supported[index]] {
+                    let k = k as usize;
+                    if part.contains(&k) {
+                        self.sum[k] += times(&self.reduced[index * self.n + k]);
+                        target.impulse[k - part.start] += times(&self.jacobian[index * self.n + k]);
+                    }
+                }
+            }
+            if moved {
+                target.factor.finish_solve(&mut self.sum[part.clone()]);
+                for (x, sum) in target.x.iter_mut().zip(&self.sum[part]) {
+                    *x += sum;
+                }
+            }
+        }
+    }
+}
+
+/// Inverse of a mass \[1/kg\], of none at all a great number.
+fn inverse(mass: f64) -> f64 {
+    1.0 / mass.max(f64::MIN_POSITIVE)
+}

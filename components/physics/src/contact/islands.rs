@@ -1,0 +1,152 @@
+//! Islands: the parts of a contact problem that have nothing to do with one another.
+
+use core::ops::Range;
+
+/// Contact points by islands. Two points are of one island where a chain of points and moving bodies joins them: what
+/// the points of one island press on moves nothing in another.
+///
+/// Bodies are numbered: articulations first, then free objects.
+#[derive(Clone, Debug)]
+pub(super) struct Islands {
+    /// A body of the same island; the representative of an island its own.
+    parent: Vec<u32>,
+    /// Island of the body that represents it.
+    label: Vec<u32>,
+    /// Contact points island by island, each in ascending order.
+    order: Vec<u32>,
+    /// End of each island in `order`.
+    ends: Vec<u32>,
+    /// Island of each contact point.
+    of_point: Vec<u32>,
+}
+
+/// No island.
+const NONE: u32 = u32::MAX;
+
+impl Islands {
+    /// For this many bodies and up to `most` contact points.
+    pub(super) fn new(bodies: usize, most: usize) -> Self {
+        Self {
+            parent: vec![0; bodies],
+            label: vec![NONE; bodies],
+            order: Vec::with_capacity(most),
+            ends: Vec::with_capacity(most),
+            of_point: Vec::with_capacity(most),
+        }
+    }
+
+    /// Sorts contact points by islands; each has the one or two bodies that move there.
+    pub(super) fn find(&mut self, points: impl Iterator<Item = [Option<usize>; 2]> + Clone) {
+        for (index, parent) in self.parent.iter_mut().enumerate() {
+            *parent = index as u32;
+        }
+        self.label.fill(NONE);
+        for bodies in points.clone() {
+            if let [Some(a), Some(b)] = bodies {
+                let (a, b) = (self.root(a), self.root(b));
+                self.parent[a.max(b)] = a.min(b) as u32;
+            }
+        }
+        self.of_point.clear();
+        self.ends.clear();
+        for bodies in points {
+            let body = bodies[0].or(bodies[1]);
+            let island = match body.map(|body| self.root(body)) {
+                // Between parts that do not move: an island of its own.
+                None => self.begin(),
+                Some(root) => {
+                    if self.label[root] == NONE {
+                        self.label[root] = self.begin();
+                    }
+                    self.label[root]
+                }
+            };
+            self.of_point.push(island);
+            self.ends[island as usize] += 1;
+        }
+        // From counts to places.
+        let mut place = 0;
+        for end in &mut self.ends {
+            (*end, place) = (place, place + *end);
+        }
+        self.order.clear();
+        self.order.resize(self.of_point.len(), 0);
+        for (point, island) in self.of_point.iter().enumerate() {
+            let place = &mut self.ends[*island as usize];
+            self.order[*place as usize] = point as u32;
+            *place += 1;
+        }
+    }
+
+    fn begin(&mut self) -> u32 {
+        self.ends.push(0);
+        self.ends.len() as u32 - 1
+    }
+
+    fn root(&mut self, body: usize) -> usize {
+        let mut body = body;
+        while self.parent[body] as usize != body {
+            let grand = self.parent[self.parent[body] as usize];
+            self.parent[body] = grand;
+            body = grand as usize;
+        }
+        body
+    }
+
+    /// Number of islands.
+    pub(super) fn count(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Island of a body; `None` where it touches nothing.
+    pub(super) fn of_body(&mut self, body: usize) -> Option<usize> {
+        let root = self.root(body);
+        (self.label[root] != NONE).then(|| self.label[root] as usize)
+    }
+
+    /// Places of the points of an island in the [order](Self::point).
+    pub(super) fn places(&self, island: usize) -> Range<usize> {
+        let start = if island == 0 { 0 } else { self.ends[island - 1] };
+        start as usize..self.ends[island] as usize
+    }
+
+    /// The contact point at a place of the order.
+    pub(super) fn point(&self, place: usize) -> usize {
+        self.order[place] as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn islands(bodies: usize, points: &[[Option<usize>; 2]]) -> (Islands, Vec<Vec<usize>>) {
+        let mut islands = Islands::new(bodies, 16);
+        islands.find(points.iter().copied());
+        let lists = (0..islands.count())
+            .map(|island| islands.places(island).map(|place| islands.point(place)).collect())
+            .collect();
+        (islands, lists)
+    }
+
+    #[test]
+    fn points_that_a_chain_of_bodies_joins_are_one_island_and_others_are_not() {
+        let points = [
+            [Some(0), None],
+            [Some(2), Some(3)],
+            [Some(1), Some(0)],
+            [None, Some(4)],
+            [Some(3), Some(1)],
+            [None, None],
+        ];
+        let (mut islands, lists) = islands(6, &points);
+        assert_eq!(lists, [vec![0, 1, 2, 4], vec![3], vec![5]]);
+        assert_eq!([0, 3, 4, 5].map(|body| islands.of_body(body)), [Some(0), Some(0), Some(1), None]);
+    }
+
+    #[test]
+    fn bodies_that_only_the_world_joins_are_islands_of_their_own() {
+        let (_, lists) = islands(3, &[[Some(2), None], [Some(0), None], [Some(2), None], [Some(1), None]]);
+        assert_eq!(lists, [vec![0, 2], vec![1], vec![3]]);
+    }
+}

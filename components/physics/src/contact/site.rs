@@ -1,0 +1,156 @@
+//! A contact point as the problem of the impulses sees it.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::colliders::Owner;
+use super::detect::ContactPoint;
+use super::objects::FreeBody;
+
+/// The bodies that meet at a contact point, and their motion there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Site {
+    /// The normal, and two tangents.
+    pub(super) axes: [Vector3<f64>; 3],
+    /// Of the two colliders; impulses act on the first, and backwards on the second.
+    pub(super) sides: [Side; 2],
+    /// Velocity along the axes that the objects' fall alone gives, and that without impulses.
+    pub(super) falling: [f64; 3],
+    pub(super) free: [f64; 3],
+    /// Velocity along the normal that is aimed at.
+    pub(super) target: f64,
+    /// The surfaces overlap, so that the target is a share of the speed of recovery.
+    pub(super) overlapping: bool,
+    pub(super) recovery: f64,
+    pub(super) friction: f64,
+    /// No impulse moves the point.
+    pub(super) immovable: bool,
+    /// Its block of W.
+    pub(super) own: [[f64; 3]; 3],
+}
+
+/// The part of the world on one side of a contact point.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Side {
+    /// Nothing that impulses move.
+    World,
+    /// The articulation of this index.
+    Articulation(usize),
+    /// A free object: its index, and the arm from its centre to the point, world axes \[m\].
+    Object(usize, Vector3<f64>),
+}
+
+/// A free object's answer to impulses.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mobility {
+    pub(super) inverse_mass: f64,
+    /// World axes \[1/(kg m2)\].
+    pub(super) inverse_inertia: Matrix3<f64>,
+    /// Velocity of its centre \[m/s\] and angular velocity \[rad/s\], with the impulses as they are.
+    pub(super) linear: Vector3<f64>,
+    pub(super) angular: Vector3<f64>,
+}
+
+/// Row of the Jacobian over the velocity of a free object, and the same times the inverse of its inertia.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ObjectRow {
+    pub(super) object: usize,
+    pub(super) linear: Vector3<f64>,
+    pub(super) angular: Vector3<f64>,
+    pub(super) response: (Vector3<f64>, Vector3<f64>),
+}
+
+impl Mobility {
+    pub(super) fn new(body: &FreeBody) -> Self {
+        Self {
+            inverse_mass: 1.0 / body.mass,
+            inverse_inertia: body.inverse_inertia(),
+            linear: body.linear,
+            angular: body.angular,
+        }
+    }
+
+    /// Velocity at `arm` from its centre.
+    #[inline]
+    pub(super) fn velocity_at(&self, arm: &Vector3<f64>) -> Vector3<f64> {
+        self.linear + self.angular.cross(arm)
+    }
+
+    /// Takes in an impulse at `arm` from its centre.
+    #[inline]
+    pub(super) fn push(&mut self, arm: &Vector3<f64>, impulse: &Vector3<f64>) {
+        self.linear += impulse * self.inverse_mass;
+        self.angular += self.inverse_inertia * arm.cross(impulse);
+    }
+}
+
+impl Site {
+    /// The point between moving bodies at their poses in `bodies`. Velocities and targets follow.
+    pub(super) fn new(point: &ContactPoint, bodies: &[FreeBody]) -> Self {
+        let side = |owner: Owner| match owner {
+            Owner::World => Side::World,
+            Owner::Base(of) | Owner::Body(of, _) => Side::Articulation(of),
+            Owner::Object(object) => {
+                Side::Object(object, point.point.coords - bodies[object].pose.translation.vector)
+            }
+        };
+        Self {
+            axes: axes(&point.normal),
+            sides: [side(point.owners.0), side(point.owners.1)],
+            falling: [0.0; 3],
+            free: [0.0; 3],
+            target: 0.0,
+            overlapping: false,
+            recovery: 0.0,
+            friction: point.friction,
+            immovable: false,
+            own: [[0.0; 3]; 3],
+        }
+    }
+
+    /// The articulations that meet here, each once.
+    pub(super) fn articulations(&self) -> impl Iterator<Item = usize> + use<> {
+        let of = self.sides.map(|side| if let Side::Articulation(of) = side { Some(of) } else { None });
+        let second = if of[0] == of[1] { None } else { of[1] };
+        of[0].into_iter().chain(second)
+    }
+
+    /// Velocity along an axis by the motion of the objects alone.
+    pub(super) fn speed(&self, axis: usize, bodies: &[FreeBody]) -> f64 {
+        let mut sum = 0.0;
+        for (side, sign) in self.sides.iter().zip([1.0, -1.0]) {
+            if let Side::Object(object, arm) = side {
+                let linear = self.axes[axis] * sign;
+                let body = &bodies[*object];
+                sum += linear.dot(&body.linear) + arm.cross(&linear).dot(&body.angular);
+            }
+        }
+        sum
+    }
+
+    /// The rows of the Jacobian over the objects, of both sides, along an axis.
+    pub(super) fn rows(&self, axis: usize, bodies: &[Mobility]) -> [Option<ObjectRow>; 2] {
+        let row = |side: Side, sign: f64| {
+            let Side::Object(object, arm) = side else { return None };
+            let body = &bodies[object];
+            let linear = self.axes[axis] * sign;
+            let angular = arm.cross(&linear);
+            let response = (linear * body.inverse_mass, body.inverse_inertia * angular);
+            Some(ObjectRow { object, linear, angular, response })
+        };
+        [row(self.sides[0], 1.0), row(self.sides[1], -1.0)]
+    }
+
+    /// The impulse on the first side, world axes.
+    #[inline]
+    pub(super) fn vector(&self, lambda: &[f64]) -> Vector3<f64> {
+        self.axes[0] * lambda[0] + self.axes[1] * lambda[1] + self.axes[2] * lambda[2]
+    }
+}
+
+/// The normal and two unit vectors square to it and to one another. They are continuous in it except where the chosen
+/// axis changes.
+pub(super) fn axes(normal: &Vector3<f64>) -> [Vector3<f64>; 3] {
+    let axis = if normal.x.abs() < 0.8 { Vector3::x() } else { Vector3::y() };
+    let one = (axis - normal * normal.dot(&axis)).normalize();
+    [*normal, one, normal.cross(&one)]
+}
