@@ -22,6 +22,7 @@ mod mujoco_properties;
 mod panda;
 mod pushes;
 mod randomise;
+mod robots_of_others;
 mod several_robots;
 mod standing;
 mod terrain;
