@@ -49,18 +49,21 @@ pub(super) fn read_actuators<'a, 'i>(
         };
         let body = joint_named(bodies, attributes, node, driven)?;
         let [gear, ..] = actuator.first_numbers("gear", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])?;
-        limit(&actuator, gear, &mut bodies[body].joint.limits.effort)?;
         let drive = position_drive(&actuator, tag, gear)?;
-        if drive.is_none() {
+        if drive.is_some() {
+            limit(&actuator, gear, &mut bodies[body].joint.limits.effort)?;
+        } else {
             let reason = "joints are commanded directly; it holds no position that gains could be read of";
             attributes.ignored(node, format!("<{tag}> of <actuator>"), reason);
         }
-        drives.by_body.insert(body, drive);
+        // Beside a drive that holds a position a motor only adds.
+        let known = drives.by_body.entry(body).or_default();
+        *known = drive.or(*known);
     }
     Ok(())
 }
 
-/// Takes over the range of forces of an actuator where it is narrower than the limit of its joint.
+/// Takes over the range of forces of a drive where it is narrower than the limit of its joint.
 fn limit(actuator: &Element<'_, '_, '_>, gear: f64, effort: &mut f64) -> Result<(), MjcfError> {
     let limited = match actuator.get("forcelimited") {
         Some("false") => false,
