@@ -7,8 +7,8 @@ use crate::file::read_bounded;
 use crate::installed::{find, installed};
 use crate::nearest::{nearest, suggestion};
 use crate::{
-    BaseKind, Entry, MimicMode, MjcfError, Model, ModelWarning, PackagePath, Position, Posture, Profile,
-    ProfileError, Srdf, UrdfError, UrdfRobot, catalogue, parse_mjcf, parse_urdf_with,
+    BaseKind, Entry, MimicMode, MjcfError, MjcfRobot, Model, ModelWarning, PackagePath, Position, Posture,
+    Profile, ProfileError, Srdf, UrdfError, UrdfRobot, catalogue, parse_mjcf, parse_urdf_with,
 };
 
 /// Longest file of a robot or its profile, bytes. Robots of a hundred joints take a tenth of a megabyte.
@@ -78,6 +78,18 @@ pub struct LoadOptions {
     pub packages: PackagePath,
     /// Source of the profile.
     pub profile: ProfileChoice,
+    /// The shapes that the model gets.
+    pub shapes: ShapeSource,
+}
+
+/// The shapes of a file that become those of its [`Model`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ShapeSource {
+    /// Those that collide.
+    #[default]
+    Collision,
+    /// Those that are seen, for pictures: the visuals of a URDF, the geoms of groups 0 to 2 of an MJCF file.
+    Visual,
 }
 
 /// Source of a robot's profile.
@@ -192,7 +204,10 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     let path = file(reference, base)?;
     let profile = profile_of(&options.profile, &path.with_extension("toml"))?;
     let options = based(options, profile.as_ref());
-    let (model, warnings, exclusions) = parse(&read(&path)?, &path, &options)?;
+    let Parsed { model, warnings, exclusions, profile: own } = parse(&read(&path)?, &path, &options)?;
+    // What the file itself says of poses and gains, unless another profile is chosen.
+    let own = own.filter(|_| options.profile == ProfileChoice::Own).map(|own| (own, path.clone()));
+    let profile = profile.or(own);
     let postures = Posture::beside(&path, &model);
     let loaded =
         Loaded { model, warnings, profile: None, postures, exclusions, entry: None, path: Some(path) };
@@ -222,18 +237,22 @@ fn profiled(
     Ok(Loaded { model, profile: Some(profile), ..loaded })
 }
 
+/// A robot of a file.
+struct Parsed {
+    model: Model,
+    warnings: Vec<ModelWarning>,
+    exclusions: Srdf,
+    profile: Option<Profile>,
+}
+
 /// A file's text in its format: MJCF when the root element says so.
-fn parse(
-    text: &str,
-    path: &Path,
-    options: &LoadOptions,
-) -> Result<(Model, Vec<ModelWarning>, Srdf), LoadError> {
+fn parse(text: &str, path: &Path, options: &LoadOptions) -> Result<Parsed, LoadError> {
     if is_mjcf(text) {
-        let robot = parse_mjcf(text, Some(path), options)?;
-        return Ok((robot.model, robot.warnings, robot.exclusions));
+        let MjcfRobot { model, warnings, exclusions, profile } = parse_mjcf(text, Some(path), options)?;
+        return Ok(Parsed { model, warnings, exclusions, profile });
     }
     let UrdfRobot { model, warnings } = parse_urdf_with(text, Some(path), options)?;
-    Ok((model, warnings, Srdf::default()))
+    Ok(Parsed { model, warnings, exclusions: Srdf::default(), profile: None })
 }
 
 /// True where the first element of an XML text is `<mujoco>`: declarations and comments before it do not count.

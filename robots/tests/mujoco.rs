@@ -9,6 +9,7 @@ use motorium_robots::{
 use serde_json::Value;
 
 mod compare;
+mod scene;
 mod traps;
 
 fn read(path: &Path) -> Model {
@@ -140,7 +141,7 @@ fn what_is_not_read_is_refused_with_its_place() {
         |content: &str| refusal(&format!("<worldbody><body name=\"b\">\n{content}</body></worldbody>"));
     assert!(
         refusal("<include file=\"x.xml\"/>")
-            .starts_with("MJCF:2:1: <include> is not among the MJCF read here")
+            .starts_with("MJCF:2:1: <include> of \"x.xml\": a text without a file")
     );
     assert!(
         refusal("<compiler coordinate=\"global\"/>")

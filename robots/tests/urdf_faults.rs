@@ -237,3 +237,25 @@ fn a_folder_without_one_clear_urdf_is_refused() {
     let error = load(".", folder.path()).unwrap_err().to_string();
     assert!(error.contains("x.urdf, y.urdf; name one of them"), "{error}");
 }
+
+#[test]
+fn xacro_is_told_from_a_faulty_urdf_however_it_shows() {
+    let link = "<link name=\"a\"/>";
+    for (text, line) in [
+        ("<robot name=\"r\" xmlns:xacro=\"http://ros.org/wiki/xacro\">\n<xacro:arm/></robot>".to_owned(), 2),
+        // The prefix is declared nowhere.
+        ("<robot name=\"r\">\n<xacro:arm/></robot>".to_owned(), 2),
+        // Expressions and substitutions without an element of xacro.
+        (
+            format!(
+                "<robot name=\"r\">{link}\n<link name=\"b\"><inertial><mass value=\"${{m}}\"/></inertial></link></robot>"
+            ),
+            2,
+        ),
+        (format!("<robot name=\"r\">{link}\n\n<link name=\"$(arg prefix)b\"/></robot>"), 3),
+    ] {
+        let error = parse_urdf(&text, None, MimicMode::Follow, &PackagePath::default()).unwrap_err();
+        assert!(error.to_string().contains("this is a xacro file, not yet URDF"), "{error}");
+        assert_eq!(error.at.unwrap().line, line, "{error}");
+    }
+}

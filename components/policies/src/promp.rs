@@ -1,4 +1,4 @@
-//! `policy.promp`: joints that follow a probabilistic primitive.
+//! `policy.promp`: joints that follow a probabilistic, kernelised or polynomial primitive.
 
 use std::path::Path;
 
@@ -12,7 +12,8 @@ use serde::Deserialize;
 
 use crate::joint_command::{CommandedJoints, JointCommandConfig, JointCommandWriter, earth};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
-use motorium_primitives::promp::{ProMp, ProMpRunner, StoredProMp};
+use motorium_primitives::mean::{MeanMovement, MeanRunner};
+use motorium_primitives::promp::{ProMp, StoredProMp};
 use motorium_primitives::reach::Repeat;
 
 /// Configuration of `policy.promp`.
@@ -86,14 +87,15 @@ fn precise() -> f64 {
     1e-3
 }
 
-/// Moves joints along the mean of a probabilistic primitive, conditioned on the places it is to pass.
+/// Moves joints along the mean of a probabilistic, kernelised or polynomial primitive; the former two are conditioned on
+/// the places they are to pass.
 ///
 /// A movement begins with the first joint state, from where the robot is; the difference fades on the way. The
 /// parameter `primitive` exchanges the primitive with the next movement, without a jump; `speed` stretches time.
 #[derive(Debug)]
 pub struct ProMpPolicy {
     writer: JointCommandWriter,
-    runners: Vec<ProMpRunner>,
+    runners: Vec<MeanRunner<Box<dyn MeanMovement + Send>>>,
     durations: Vec<f64>,
     repeat: Repeat,
     dwell: f64,
@@ -145,8 +147,8 @@ impl Component for ProMpPolicy {
         let time = config.duration.map(|duration| duration.as_secs_f64());
         Ok(Self {
             writer: JointCommandWriter::new(driven, &config.joint_command, setup)?,
-            durations: primitives.iter().map(|promp| time.unwrap_or(promp.duration())).collect(),
-            runners: primitives.into_iter().map(ProMpRunner::new).collect(),
+            durations: primitives.iter().map(|movement| time.unwrap_or(movement.duration())).collect(),
+            runners: primitives.into_iter().map(MeanRunner::new).collect(),
             repeat: config.repeat,
             dwell: config.dwell.as_secs_f64(),
             primitive: setup.parameter("primitive")?,
@@ -255,7 +257,11 @@ fn driven_count(config: &ProMpPolicyConfig, driven: &CommandedJoints) -> usize {
 }
 
 /// Reads, checks and conditions the primitives.
-fn primitives(config: &ProMpPolicyConfig, base: &Path, joints: usize) -> Result<Vec<ProMp>, ConfigError> {
+fn primitives(
+    config: &ProMpPolicyConfig,
+    base: &Path,
+    joints: usize,
+) -> Result<Vec<Box<dyn MeanMovement + Send>>, ConfigError> {
     if config.primitives.is_empty() {
         return Err(ConfigError::key("primitives", "no primitive given, expected at least one"));
     }
@@ -265,40 +271,49 @@ fn primitives(config: &ProMpPolicyConfig, base: &Path, joints: usize) -> Result<
     let mut found = Vec::new();
     for (index, source) in config.primitives.iter().enumerate() {
         let key = format!("primitives[{index}]");
-        let mut promp = match source {
-            ProMpSource::Table(stored) => {
-                ProMp::try_from(stored.clone()).map_err(|error| ConfigError::key(&key, error.to_string()))?
-            }
+        let mut primitive = match source {
+            ProMpSource::Table(stored) => Primitive::Probabilistic(
+                ProMp::try_from(stored.clone()).map_err(|error| ConfigError::key(&key, error.to_string()))?,
+            ),
             ProMpSource::File(file) => {
                 let read = PrimitiveFile::read(&base.join(file));
-                let read = read.map_err(|error| ConfigError::key(&key, error.to_string()))?;
-                match read.primitive {
-                    Primitive::Probabilistic(promp) => promp,
-                    other => {
-                        let message = format!("{file} holds a {} primitive", other.kind());
-                        return Err(ConfigError::key(&key, message)
-                            .advise("fit one with `motorium primitive fit --model promp`"));
-                    }
-                }
+                read.map_err(|error| ConfigError::key(&key, error.to_string()))?.primitive
             }
         };
-        if promp.dimensions() != joints {
-            let message = format!("a primitive of {} dimensions for {joints} joints", promp.dimensions());
+        if primitive.dimensions() != joints {
+            let message = format!("a primitive of {} dimensions for {joints} joints", primitive.dimensions());
             return Err(ConfigError::key(&key, message).advise("name the joints it moves in `joints`"));
         }
         for (v, via) in config.via.iter().enumerate() {
-            let key = format!("via[{v}]");
-            let possible = (0.0..=1.0).contains(&via.at) && via.deviation >= 0.0 && via.deviation.is_finite();
-            if !possible {
-                let message = "expected `at` from 0 to 1 and a `deviation` of at least 0";
-                return Err(ConfigError::key(key, message));
-            }
-            let noise = DMatrix::identity(joints, joints) * via.deviation * via.deviation;
-            promp = promp
-                .conditioned(via.at, &DVector::from_column_slice(&via.position), &noise)
-                .map_err(|error| ConfigError::key(key, error.to_string()))?;
+            primitive =
+                conditioned(primitive, via).map_err(|error| ConfigError::key(format!("via[{v}]"), error))?;
         }
-        found.push(promp);
+        let kind = primitive.kind();
+        found.push(primitive.mean().ok_or_else(|| {
+            ConfigError::key(&key, format!("it is a {kind} primitive")).advise(
+                "fit one with `motorium primitive fit --model probabilistic`, kernelised or polynomial",
+            )
+        })?);
     }
     Ok(found)
+}
+
+/// The primitive that passes a place, or the reason why it cannot.
+fn conditioned(primitive: Primitive, via: &ViaConfig) -> Result<Primitive, String> {
+    if !((0.0..=1.0).contains(&via.at) && via.deviation >= 0.0 && via.deviation.is_finite()) {
+        return Err("expected `at` from 0 to 1 and a `deviation` of at least 0".to_string());
+    }
+    let place = DVector::from_column_slice(&via.position);
+    match primitive {
+        Primitive::Probabilistic(promp) => {
+            let noise = DMatrix::identity(promp.dimensions(), promp.dimensions()) * via.deviation.powi(2);
+            let bent = promp.conditioned(via.at, &place, &noise);
+            bent.map(Primitive::Probabilistic).map_err(|error| error.to_string())
+        }
+        Primitive::Kernelised(movement) => {
+            let bent = movement.conditioned(via.at, &place, via.deviation);
+            bent.map(Primitive::Kernelised).map_err(|error| error.to_string())
+        }
+        other => Err(format!("a {} primitive cannot be bent through places", other.kind())),
+    }
 }

@@ -17,7 +17,7 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
         let s = p * p * p * (10.0 - 15.0 * p + 6.0 * p * p);
         if d == 0 { 0.4 * s } else { 0.1 * (std::f64::consts::PI * s).sin() }
     });
-    let demonstration = Demonstration::from_positions(1.5, positions)?.unaccelerated_at_its_ends();
+    let demonstration = Demonstration::from_positions(1.5, positions)?;
 
     let settings = Settings { kernels: 30, ..Settings::default() };
     let model = DmpModel::fit(settings, &[demonstration], Regression::default())?;

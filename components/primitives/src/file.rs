@@ -6,7 +6,10 @@ use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
 use crate::dmp::{Demonstration, DmpModel, RhythmicModel};
-use crate::promp::ProMp;
+use crate::kmp::{KernelisedMovement, KmpError};
+use crate::mean::MeanMovement;
+use crate::promp::{ProMp, ProMpMean};
+use crate::regression::PolynomialMovement;
 
 /// Content of a file of a primitive: JSON, one object.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,6 +43,10 @@ pub enum Primitive {
     Rhythmic(RhythmicModel),
     /// A probabilistic movement primitive.
     Probabilistic(ProMp),
+    /// A kernelised movement primitive.
+    Kernelised(KernelisedMovement),
+    /// Polynomials of the phase.
+    Polynomial(PolynomialMovement),
 }
 
 impl Primitive {
@@ -49,6 +56,8 @@ impl Primitive {
             Self::Discrete(_) => "discrete",
             Self::Rhythmic(_) => "rhythmic",
             Self::Probabilistic(_) => "probabilistic",
+            Self::Kernelised(_) => "kernelised",
+            Self::Polynomial(_) => "polynomial",
         }
     }
 
@@ -58,6 +67,19 @@ impl Primitive {
             Self::Discrete(model) => model.dimensions(),
             Self::Rhythmic(model) => model.dimensions(),
             Self::Probabilistic(promp) => promp.dimensions(),
+            Self::Kernelised(movement) => movement.dimensions(),
+            Self::Polynomial(movement) => movement.dimensions(),
+        }
+    }
+
+    /// The mean of a primitive over the phase, to be followed; `None` for one that is a differential equation.
+    pub fn mean(&self) -> Option<Box<dyn MeanMovement + Send>> {
+        match self {
+            Self::Discrete(_) | Self::Rhythmic(_) => None,
+            Self::Probabilistic(promp) => Some(Box::new(ProMpMean::from(promp.clone()))),
+            // It was factored when it was made.
+            Self::Kernelised(movement) => Some(Box::new(movement.running().ok()?)),
+            Self::Polynomial(movement) => Some(Box::new(movement.clone())),
         }
     }
 }
@@ -151,18 +173,42 @@ impl PrimitiveFile {
 
     /// A probabilistic primitive with the start, goal and velocities of its mean.
     pub fn probabilistic(names: Vec<String>, promp: ProMp) -> Self {
-        let duration = promp.duration();
-        let position = |phase: f64| promp.mean_at(phase).as_slice().to_vec();
-        let velocity = |phase: f64| (promp.mean_velocity_at(phase) / duration).as_slice().to_vec();
+        let mean = ProMpMean::from(promp.clone());
+        Self::of_mean(names, mean, Primitive::Probabilistic(promp))
+    }
+
+    /// A kernelised primitive with the start, goal and velocities of its mean.
+    ///
+    /// # Errors
+    /// A matrix that is not positive definite.
+    pub fn kernelised(names: Vec<String>, movement: KernelisedMovement) -> Result<Self, KmpError> {
+        Ok(Self::of_mean(names, movement.running()?, Primitive::Kernelised(movement)))
+    }
+
+    /// Polynomials with their start, goal and velocities.
+    pub fn polynomial(names: Vec<String>, movement: PolynomialMovement) -> Self {
+        Self::of_mean(names, movement.clone(), Primitive::Polynomial(movement))
+    }
+
+    fn of_mean(names: Vec<String>, mut mean: impl MeanMovement, primitive: Primitive) -> Self {
+        let duration = mean.duration();
+        let mut at = |phase: f64| {
+            let mut ends = [vec![0.0; mean.dimensions()], vec![0.0; mean.dimensions()]];
+            let [position, slope] = &mut ends;
+            mean.mean_into(phase, position, slope);
+            slope.iter_mut().for_each(|slope| *slope /= duration);
+            ends
+        };
+        let ([start, start_velocity], [goal, final_velocity]) = (at(0.0), at(1.0));
         Self {
             version: Self::VERSION,
             names,
             duration,
-            start: position(0.0),
-            start_velocity: velocity(0.0),
-            goal: position(1.0),
-            final_velocity: velocity(1.0),
-            primitive: Primitive::Probabilistic(promp),
+            start,
+            start_velocity,
+            goal,
+            final_velocity,
+            primitive,
         }
     }
 

@@ -5,7 +5,8 @@
 //! - [`kmp`]: kernelised movement primitives.
 //! - [`gmm`]: Gaussian mixtures and regression with them.
 //! - [`cpg`]: central pattern generators and gaits.
-//! - [`regression`]: linear and polynomial policies.
+//! - [`regression`]: linear and polynomial policies and movements.
+//! - [`mean`]: the mean of probabilistic, kernelised and polynomial movements while it runs.
 //! - [`reach`]: an end effector led through a sequence of poses by dynamic movement primitives.
 //! - [`profile`]: motion from rest to rest within limits of velocity, acceleration and jerk.
 //! - [`route`]: a base led through poses in the plane.
@@ -37,6 +38,7 @@ pub mod dmp;
 pub mod file;
 pub mod gmm;
 pub mod kmp;
+pub mod mean;
 pub mod profile;
 pub mod promp;
 pub mod reach;

@@ -27,7 +27,10 @@ use serde::Serialize;
 use crate::ValueError;
 use crate::dmp::{DiscreteDmp, DmpModel, MoveError, RhythmicDmp, RhythmicModel};
 use crate::file::{Primitive, PrimitiveFile};
-use crate::promp::{ProMp, ProMpError};
+use crate::kmp::{KernelisedMovement, KmpError};
+use crate::mean::MeanMovement;
+use crate::promp::{ProMp, ProMpError, ProMpMean};
+use crate::regression::PolynomialMovement;
 
 /// Values that replace those of the demonstration; `None` keeps the latter.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -94,6 +97,9 @@ pub enum RolloutError {
     /// A probabilistic primitive that cannot be conditioned so.
     #[error(transparent)]
     ProMp(#[from] ProMpError),
+    /// A kernelised primitive that cannot be conditioned so.
+    #[error(transparent)]
+    Kmp(#[from] KmpError),
     /// A number of samples out of its range.
     #[error(transparent)]
     Value(#[from] ValueError),
@@ -118,6 +124,8 @@ pub fn roll_out(
         Primitive::Discrete(model) => discrete(file, model, overrides, interval),
         Primitive::Rhythmic(model) => rhythmic(file, model, overrides, interval),
         Primitive::Probabilistic(promp) => probabilistic(file, promp, overrides, interval),
+        Primitive::Kernelised(movement) => kernelised(file, movement, overrides, interval),
+        Primitive::Polynomial(movement) => polynomial(file, movement, overrides, interval),
     }
 }
 
@@ -139,7 +147,9 @@ pub fn reproduce(
         let (overrides, intervals) = match &file.primitive {
             Primitive::Discrete(_) => (Override { start: row(0), goal: row(last), ..in_time }, last),
             Primitive::Rhythmic(_) => (Override { start: row(0), periods: Some(1.0), ..in_time }, last + 1),
-            Primitive::Probabilistic(_) => (in_time, last),
+            Primitive::Probabilistic(_) | Primitive::Kernelised(_) | Primitive::Polynomial(_) => {
+                (in_time, last)
+            }
         };
         roll_out(file, &overrides, duration / intervals as f64)
     });
@@ -240,34 +250,96 @@ fn probabilistic(
     overrides: &Override,
     interval: f64,
 ) -> Result<Trajectory, RolloutError> {
-    if overrides.final_velocity.is_some() || overrides.periods.is_some() || overrides.amplitude.is_some() {
-        return Err(RolloutError::Override {
-            kind: "probabilistic",
-            has: "a start, a goal, via points and a duration",
-            lacks: "final velocity, periods or amplitude",
-        });
-    }
+    conditions("probabilistic", overrides)?;
     let dimensions = promp.dimensions();
     let mut promp = promp.clone();
+    for ViaPoint { phase, position, deviation } in places(overrides) {
+        let noise = DMatrix::identity(dimensions, dimensions) * deviation * deviation;
+        promp = promp.conditioned(phase, &DVector::from_vec(position), &noise)?;
+    }
+    let variance = |phase: f64| Ok(promp.covariance_at(phase).diagonal());
+    followed(file, ProMpMean::from(promp.clone()), Some(&variance), overrides, interval)
+}
+
+fn kernelised(
+    file: &PrimitiveFile,
+    movement: &KernelisedMovement,
+    overrides: &Override,
+    interval: f64,
+) -> Result<Trajectory, RolloutError> {
+    conditions("kernelised", overrides)?;
+    let mut movement = movement.clone();
+    for ViaPoint { phase, position, deviation } in places(overrides) {
+        movement = movement.conditioned(phase, &DVector::from_vec(position), deviation)?;
+    }
+    let kmp = movement.kmp()?;
+    let variance = |phase: f64| Ok(kmp.covariance(&[phase])?.diagonal());
+    followed(file, movement.running()?, Some(&variance), overrides, interval)
+}
+
+fn polynomial(
+    file: &PrimitiveFile,
+    movement: &PolynomialMovement,
+    overrides: &Override,
+    interval: f64,
+) -> Result<Trajectory, RolloutError> {
+    let Override { start, goal, final_velocity, via, periods, amplitude, .. } = overrides;
+    let other = start.is_some() || goal.is_some() || !via.is_empty();
+    if other || final_velocity.is_some() || periods.is_some() || amplitude.is_some() {
+        return Err(RolloutError::Override {
+            kind: "polynomial",
+            has: "a duration",
+            lacks: "start, goal, final velocity, via points, periods or amplitude",
+        });
+    }
+    followed(file, movement.clone(), None, overrides, interval)
+}
+
+/// Refuses what a distribution over movements cannot be conditioned on.
+fn conditions(kind: &'static str, overrides: &Override) -> Result<(), RolloutError> {
+    let Override { final_velocity, periods, amplitude, .. } = overrides;
+    if final_velocity.is_none() && periods.is_none() && amplitude.is_none() {
+        return Ok(());
+    }
+    let has = "a start, a goal, via points and a duration";
+    Err(RolloutError::Override { kind, has, lacks: "final velocity, periods or amplitude" })
+}
+
+/// The places to pass: start, goal, via points.
+fn places(overrides: &Override) -> impl Iterator<Item = ViaPoint> {
     let ends =
         [(0.0, &overrides.start), (1.0, &overrides.goal)].into_iter().filter_map(|(phase, position)| {
             Some(ViaPoint { phase, position: position.clone()?, deviation: END_DEVIATION })
         });
-    for ViaPoint { phase, position, deviation } in ends.chain(overrides.via.iter().cloned()) {
-        let noise = DMatrix::identity(dimensions, dimensions) * deviation * deviation;
-        promp = promp.conditioned(phase, &DVector::from_vec(position), &noise)?;
-    }
+    ends.chain(overrides.via.iter().cloned())
+}
+
+/// Variances of the dimensions at a phase.
+type Variance<'a> = &'a dyn Fn(f64) -> Result<DVector<f64>, KmpError>;
+
+/// Samples of a mean.
+fn followed(
+    file: &PrimitiveFile,
+    mut mean: impl MeanMovement,
+    variance: Option<Variance<'_>>,
+    overrides: &Override,
+    interval: f64,
+) -> Result<Trajectory, RolloutError> {
     let duration = overrides.duration.unwrap_or(file.duration);
     let mut trajectory = empty(file);
     let mut deviations = Vec::new();
     for k in 0..samples(duration, interval)? {
         let phase = (k as f64 * interval / duration).min(1.0);
+        let (mut position, mut slope) = (vec![0.0; mean.dimensions()], vec![0.0; mean.dimensions()]);
+        mean.mean_into(phase, &mut position, &mut slope);
         trajectory.time.push(k as f64 * interval);
-        trajectory.position.push(promp.mean_at(phase).as_slice().to_vec());
-        trajectory.velocity.push((promp.mean_velocity_at(phase) / duration).as_slice().to_vec());
-        deviations.push(promp.covariance_at(phase).diagonal().iter().map(|v| v.max(0.0).sqrt()).collect());
+        trajectory.position.push(position);
+        trajectory.velocity.push(slope.iter().map(|slope| slope / duration).collect());
+        if let Some(variance) = variance {
+            deviations.push(variance(phase)?.iter().map(|v| v.max(0.0).sqrt()).collect());
+        }
     }
-    trajectory.deviation = Some(deviations);
+    trajectory.deviation = variance.is_some().then_some(deviations);
     Ok(trajectory)
 }
 

@@ -115,7 +115,11 @@ impl Solid {
         let placement = (within, shape.placement);
         let link = &shape.link;
         match &shape.geometry {
-            Geometry::Mesh { uri, path, scale } => {
+            Geometry::Mesh { inline: Some(mesh), uri, scale, .. } => {
+                let mesh = TriangleMesh::clone(mesh).scaled(scale);
+                Self::of_mesh(link, placement, mesh, mode, std::path::Path::new(uri))
+            }
+            Geometry::Mesh { uri, path, scale, .. } => {
                 let path = path.as_ref().ok_or_else(|| SolidProblem::MissingMesh { uri: uri.clone() })?;
                 let mesh = TriangleMesh::read(path)?.scaled(scale);
                 Self::of_mesh(link, placement, mesh, mode, path)

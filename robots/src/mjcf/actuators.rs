@@ -1,18 +1,20 @@
-//! `<actuator>`: armature and damping of joints; and `<tendon>`, whose forces are not read.
+//! `<actuator>`: armature, damping, gains and limits of the drives of joints; and `<tendon>`, whose forces are not read.
 
 use roxmltree::Node;
 
-use super::attributes::{Attributes, MAIN};
+use super::attributes::{Attributes, Element, MAIN};
+use super::drives::{Drives, PositionDrive};
 use super::equality::joint_named;
 use super::error::{MjcfError, MjcfProblem};
 use super::schema::{ACTUATOR, ACTUATORS, TENDON};
 use crate::Body;
 
-/// Adds what the actuators of a section add to the joints that they drive.
+/// Adds what the actuators of a section add to the joints that they drive, and the gains of those that hold positions.
 pub(super) fn read_actuators<'a, 'i>(
     section: Node<'a, 'i>,
     attributes: &Attributes<'a, 'i>,
     bodies: &mut [Body],
+    drives: &mut Drives,
 ) -> Result<(), MjcfError> {
     for node in section.children().filter(Node::is_element) {
         let tag = node.tag_name().name();
@@ -39,10 +41,70 @@ pub(super) fn read_actuators<'a, 'i>(
             joint.drive.rotor_inertia += armature * gear * gear;
             joint.dynamics.damping += damping * gear * gear;
         }
-        let reason = "joints are commanded directly; its gains, ranges and forces are not read";
-        attributes.ignored(node, format!("<{tag}> of <actuator>"), reason);
+        let driven = ["joint", "jointinparent"].into_iter().find(|name| node.attribute(*name).is_some());
+        let Some(driven) = driven.filter(|name| !is_free(section, node.attribute(*name))) else {
+            drives.others = true;
+            attributes.ignored(node, format!("<{tag}> of <actuator>"), "it drives no single joint");
+            continue;
+        };
+        let body = joint_named(bodies, attributes, node, driven)?;
+        let [gear, ..] = actuator.first_numbers("gear", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0])?;
+        let drive = position_drive(&actuator, tag, gear)?;
+        if drive.is_some() {
+            limit(&actuator, gear, &mut bodies[body].joint.limits.effort)?;
+        } else {
+            let reason = "joints are commanded directly; it holds no position that gains could be read of";
+            attributes.ignored(node, format!("<{tag}> of <actuator>"), reason);
+        }
+        // Beside a drive that holds a position a motor only adds.
+        let known = drives.by_body.entry(body).or_default();
+        *known = drive.or(*known);
     }
     Ok(())
+}
+
+/// Takes over the range of forces of a drive where it is narrower than the limit of its joint.
+fn limit(actuator: &Element<'_, '_, '_>, gear: f64, effort: &mut f64) -> Result<(), MjcfError> {
+    let limited = match actuator.get("forcelimited") {
+        Some("false") => false,
+        _ => actuator.get("forcerange").is_some(),
+    };
+    let Some([low, high]) = actuator.numbers::<2>("forcerange")?.filter(|_| limited) else { return Ok(()) };
+    let largest = high.min(-low) * gear.abs();
+    if largest > 0.0 {
+        *effort = effort.min(largest);
+    }
+    Ok(())
+}
+
+/// Gains of an actuator whose force is proportional to the distance from its control; `None` for another. The joint feels
+/// them times the square of the gear.
+fn position_drive(
+    actuator: &Element<'_, '_, '_>,
+    tag: &str,
+    gear: f64,
+) -> Result<Option<PositionDrive>, MjcfError> {
+    let (kp, kd, damping_ratio) = match tag {
+        "position" => {
+            (actuator.number("kp", 1.0)?, actuator.number("kv", 0.0)?, actuator.number("dampratio", 0.0)?)
+        }
+        "general" => {
+            let kind = |name, expected| actuator.get(name).unwrap_or(expected) == expected;
+            let [gain, ..] =
+                actuator.first_numbers("gainprm", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])?;
+            let [offset, slope, rate, ..] = actuator.first_numbers("biasprm", [0.0; 10])?;
+            let affine = actuator.get("biastype") == Some("affine") && kind("gaintype", "fixed");
+            // gain (u - q) - rate v: anything else is no servo of positions.
+            if !(affine && offset == 0.0 && gain > 0.0 && (slope + gain).abs() <= 1e-9 * gain) {
+                return Ok(None);
+            }
+            // MuJoCo takes a positive number for a ratio to critical damping.
+            (gain, (-rate).max(0.0), rate.max(0.0))
+        }
+        _ => return Ok(None),
+    };
+    let squared = gear * gear;
+    Ok((kp > 0.0).then_some(PositionDrive { kp: kp * squared, kd: kd * squared, damping_ratio }))
 }
 
 /// True if a joint is a free joint.

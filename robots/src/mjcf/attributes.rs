@@ -92,7 +92,11 @@ impl<'a, 'i> Attributes<'a, 'i> {
         }
     }
 
-    fn refuse_unknown(&self, node: Node<'_, '_>, known: impl Fn(&str) -> bool) -> Result<(), MjcfError> {
+    pub(super) fn refuse_unknown(
+        &self,
+        node: Node<'_, '_>,
+        known: impl Fn(&str) -> bool,
+    ) -> Result<(), MjcfError> {
         match node.attributes().find(|attribute| !known(attribute.name())) {
             None => Ok(()),
             Some(attribute) => Err(self.refused(node, attribute.name(), attribute.value(), "")),

@@ -109,7 +109,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
                 }
                 "geom" => {
                     let geom = self.geoms.read(element, place.class, place.world)?;
-                    if geom.masks != [0, 0] {
+                    if geom.kept {
                         let link = self.owner(node);
                         self.masks.add(&link, geom.masks);
                         let placement = place.within * geom.placement;

@@ -8,16 +8,17 @@ use roxmltree::{Document, Node, ParsingOptions};
 use super::attributes::{Attributes, MAIN};
 use super::bodies::{Place, Tree};
 use super::compiler::Compiler;
+use super::drives::{self, Drives};
 use super::error::{MjcfError, MjcfProblem};
 use super::geoms::Geoms;
 use super::joints::SpringDamper;
 use super::sections::{check_options, read_assets, read_exclusions};
-use super::{MjcfRobot, actuators, equality};
+use super::{MjcfRobot, actuators, equality, keyframes};
 use crate::load::{BaseMode, LoadOptions};
 use crate::{Base, Body, Coordinate, Dynamics, Frame, Model, Position, Srdf};
 
 /// Sections without effect on a model.
-const SKIPPED: [&str; 6] = ["size", "visual", "statistic", "custom", "sensor", "keyframe"];
+const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
 
 pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
     let document =
@@ -33,11 +34,13 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     if !root.has_tag_name("mujoco") {
         return Err(attributes.error(root, MjcfProblem::Root(root.tag_name().name().to_owned())));
     }
-    if let Some(include) = root.descendants().find(|node| node.has_tag_name("include")) {
-        return Err(attributes.error(include, MjcfProblem::Element("include".to_owned())));
-    }
     let compiler = Compiler::read(root, &attributes)?;
-    let mut geoms = Geoms { attributes: &attributes, compiler: &compiler, meshes: Default::default() };
+    let mut geoms = Geoms {
+        attributes: &attributes,
+        compiler: &compiler,
+        shapes: options.shapes,
+        meshes: Default::default(),
+    };
     let mut exclusions = Srdf::default();
     for section in root.children().filter(Node::is_element) {
         match section.tag_name().name() {
@@ -45,7 +48,7 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
             "contact" => read_exclusions(section, &attributes, &mut exclusions)?,
             "option" => check_options(section, &attributes)?,
             "tendon" => actuators::check_tendons(section, &attributes)?,
-            "compiler" | "default" | "worldbody" | "equality" | "actuator" => {}
+            "compiler" | "default" | "worldbody" | "equality" | "actuator" | "keyframe" => {}
             name if SKIPPED.contains(&name) => {}
             name => return Err(attributes.error(section, MjcfProblem::Element(name.to_owned()))),
         }
@@ -66,8 +69,9 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     if let Some(total) = compiler.total_mass {
         tree.scale_to(total);
     }
+    let mut drives = Drives::default();
     for section in sections("actuator") {
-        actuators::read_actuators(section, &attributes, &mut tree.bodies)?;
+        actuators::read_actuators(section, &attributes, &mut tree.bodies, &mut drives)?;
     }
     tree.check_exclusions(&attributes, root, &exclusions)?;
     tree.masks.exclude(&attributes, root, &mut exclusions);
@@ -79,12 +83,18 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
         equality::couple(section, &attributes, &mut bodies, &references, options.mimic)?;
     }
     number_joints(&mut bodies);
+    let mut keyframes = Vec::new();
+    for section in sections("keyframe") {
+        keyframes::read_keyframes(section, &attributes, (&base, &bodies), &mut keyframes)?;
+    }
     let mut warnings = attributes.warnings();
     for body in &bodies {
         crate::urdf::check_inertia(&body.name, &body.inertia, &mut warnings);
     }
     crate::urdf::warn_of_massless_ends(&bodies, &mut warnings);
-    Ok(MjcfRobot { model: Model::new(name, base, bodies, frames), warnings, exclusions })
+    let model = Model::new(name, base, bodies, frames);
+    let profile = drives::profile(&model, &references, keyframes, &drives);
+    Ok(MjcfRobot { model, warnings, exclusions, profile })
 }
 
 /// Gives joints with a `springdamper` the damping for its time constant, from the inertia that each feels in the pose

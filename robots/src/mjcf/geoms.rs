@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
 use roxmltree::Node;
@@ -13,7 +14,7 @@ use super::error::{MjcfError, MjcfProblem};
 use super::pose::{between, pose};
 use super::schema::GEOM;
 use crate::nearest::nearest;
-use crate::{Geometry, Inertia};
+use crate::{Geometry, Inertia, ShapeSource, TriangleMesh};
 
 /// Sides and thickness of the box that stands for an infinite plane of the world \[m\].
 const PLANE: [f64; 2] = [100.0, 1.0];
@@ -21,10 +22,15 @@ const PLANE: [f64; 2] = [100.0, 1.0];
 /// Density where the file gives none \[kg/m3\].
 const WATER: f64 = 1000.0;
 
+/// The last group that MuJoCo's viewer shows unasked.
+const LAST_SEEN: f64 = 2.0;
+
 /// A mesh of `<asset>`.
 pub(super) struct MeshAsset {
     pub(super) uri: String,
     pub(super) path: Option<PathBuf>,
+    /// A mesh that the file itself has.
+    pub(super) inline: Option<Arc<TriangleMesh>>,
     pub(super) scale: Vector3<f64>,
 }
 
@@ -34,6 +40,8 @@ pub(super) struct Geom {
     pub(super) geometry: Geometry,
     /// `contype` and `conaffinity`.
     pub(super) masks: [i32; 2],
+    /// It is among the shapes of the model.
+    pub(super) kept: bool,
     /// In the frame that the geom is placed in; an error where it is not known, for when it is needed.
     pub(super) inertia: Result<Inertia, MjcfError>,
 }
@@ -41,6 +49,7 @@ pub(super) struct Geom {
 pub(super) struct Geoms<'b, 'a, 'i> {
     pub(super) attributes: &'b Attributes<'a, 'i>,
     pub(super) compiler: &'b Compiler,
+    pub(super) shapes: ShapeSource,
     pub(super) meshes: HashMap<&'a str, MeshAsset>,
 }
 
@@ -109,7 +118,11 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
             true => self.inertia(&geom, kind, &geometry, &placement)?,
             false => Ok(Inertia::zero()),
         };
-        Ok(Geom { placement, geometry, masks, inertia })
+        let kept = match self.shapes {
+            ShapeSource::Collision => masks != [0, 0],
+            ShapeSource::Visual => group <= LAST_SEEN && kind != "plane",
+        };
+        Ok(Geom { placement, geometry, masks, kept, inertia })
     }
 
     /// Inertia of a geom; the inner error is one for when the inertia is needed.
@@ -152,9 +165,12 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
     fn mesh(&self, geom: &Element<'_, 'a, 'i>) -> Result<Geometry, MjcfError> {
         let name = geom.get("mesh").ok_or_else(|| geom.missing("mesh"))?;
         match self.meshes.get(name) {
-            Some(MeshAsset { uri, path, scale }) => {
-                Ok(Geometry::Mesh { uri: uri.clone(), path: path.clone(), scale: *scale })
-            }
+            Some(MeshAsset { uri, path, inline, scale }) => Ok(Geometry::Mesh {
+                uri: uri.clone(),
+                path: path.clone(),
+                inline: inline.clone(),
+                scale: *scale,
+            }),
             None => {
                 let nearest = nearest(name, self.meshes.keys().copied()).map(str::to_owned);
                 let (element, name) = (named(geom.node), name.to_owned());

@@ -4,17 +4,20 @@
 //! attribute: it is read, has no effect on a model, is ignored with a [`ModelWarning::Ignored`] (springs, actuators,
 //! tendons), or is refused where its value has an effect. `docs/src/mjcf.md` lists all of it.
 //!
-//! Not read: includes, replicas and attachments. MuJoCo itself writes a file without them (`mj_saveLastXML`).
+//! Not read: replicas and attachments. MuJoCo itself writes a file without them (`mj_saveLastXML`).
 
 mod actuators;
 mod attributes;
 mod bodies;
 mod build;
 mod compiler;
+mod drives;
 mod equality;
 mod error;
 mod geoms;
+mod include;
 mod joints;
+mod keyframes;
 mod masks;
 mod pose;
 mod schema;
@@ -24,7 +27,7 @@ use std::path::Path;
 
 pub use error::{MjcfError, MjcfProblem};
 
-use crate::{LoadOptions, Model, ModelWarning, Srdf};
+use crate::{LoadOptions, Model, ModelWarning, Profile, Srdf};
 
 /// An MJCF text turned into a model.
 #[derive(Clone, Debug)]
@@ -36,6 +39,9 @@ pub struct MjcfRobot {
     /// The pairs of bodies that `<contact><exclude>` names or that `contype` and `conaffinity` rule out, as rules for a
     /// [`CollisionModel`](crate::CollisionModel).
     pub exclusions: Srdf,
+    /// Poses from its keyframes, and gains and joints without a drive from its actuators; `None` where it has neither
+    /// keyframes nor actuators that hold positions.
+    pub profile: Option<Profile>,
 }
 
 /// Parses MJCF `text`. `file` is where it came from: for messages, and to find meshes beside it.
@@ -49,5 +55,8 @@ pub struct MjcfRobot {
 ///
 /// [`MjcfError`], with the place in the text.
 pub fn parse_mjcf(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
-    build::build(text, file, options).map_err(|error| MjcfError { file: file.map(Path::to_owned), ..error })
+    let expanded = include::expand(text, file)?;
+    let mut robot = build::build(&expanded.text, file, options).map_err(|error| expanded.located(error))?;
+    robot.warnings = robot.warnings.into_iter().map(|warning| expanded.located_warning(warning)).collect();
+    Ok(robot)
 }

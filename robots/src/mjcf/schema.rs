@@ -139,14 +139,12 @@ pub(super) const SITE: Schema = Schema {
 pub(super) const MESH: Schema = Schema {
     kind: "mesh",
     groups: &[
-        (Use::Read, &["name", "class", "file", "scale"]),
+        (Use::Read, &["name", "class", "file", "scale", "vertex", "face"]),
+        (Use::NoEffect, &["normal", "texcoord"]),
         // The inertia of a mesh is refused where it is needed.
         (Use::NoEffect, &["inertia", "smoothnormal", "maxhullvert", "content_type", "material"]),
         (Use::Refused("move the mesh in its file, or the geom"), &["refpos", "refquat"]),
-        (
-            Use::Refused("write the mesh to a file"),
-            &["vertex", "normal", "texcoord", "face", "builtin", "params"],
-        ),
+        (Use::Refused("write the mesh to a file"), &["builtin", "params"]),
     ],
 };
 
@@ -179,14 +177,13 @@ pub(super) const ACTUATOR: Schema = Schema {
     kind: "actuator",
     groups: &[
         (Use::Read, &["name", "class", "joint", "jointinparent", "gear", "armature", "damping"]),
+        (Use::Read, &["kp", "kv", "dampratio", "gaintype", "gainprm", "biastype", "biasprm"]),
+        (Use::Read, &["forcelimited", "forcerange"]),
         (Use::NoEffect, &["tendon", "site", "refsite", "body", "cranksite", "slidersite", "cranklength"]),
-        (Use::NoEffect, &["group", "user", "ctrllimited", "ctrlrange", "forcelimited", "forcerange"]),
+        (Use::NoEffect, &["group", "user", "ctrllimited", "ctrlrange"]),
         (Use::NoEffect, &["actlimited", "actrange", "actdim", "actearly", "inheritrange", "lengthrange"]),
-        (Use::NoEffect, &["dyntype", "dynprm", "gaintype", "gainprm", "biastype", "biasprm", "input"]),
-        (
-            Use::NoEffect,
-            &["kp", "kv", "ki", "imax", "slewmax", "posrange", "velrange", "ffrange", "dampratio"],
-        ),
+        (Use::NoEffect, &["dyntype", "dynprm", "input"]),
+        (Use::NoEffect, &["ki", "imax", "slewmax", "posrange", "velrange", "ffrange"]),
         (Use::NoEffect, &["timeconst", "delay", "nsample", "interp", "area", "diameter", "bias", "gain"]),
         (Use::NoEffect, &["range", "force", "scale", "lmin", "lmax", "vmax", "fpmax", "fvmax", "tausmooth"]),
         (Use::NoEffect, &["motorconst", "resistance", "inductance", "nominal", "saturation", "cogging"]),

@@ -1,15 +1,16 @@
 //! The sections beside the tree of bodies: options, meshes, and pairs that do not collide.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 use roxmltree::Node;
 
-use super::attributes::{Attributes, MAIN};
+use super::attributes::{Attributes, Element, MAIN, named};
 use super::error::{MjcfError, MjcfProblem};
 use super::geoms::{Geoms, MeshAsset};
 use super::schema::{EXCLUDE, MESH, OPTION};
-use crate::Srdf;
+use crate::{Srdf, TriangleMesh};
 
 pub(super) fn check_options<'a, 'i>(
     section: Node<'a, 'i>,
@@ -56,9 +57,21 @@ pub(super) fn read_assets<'a, 'i>(
             }
         }
         let asset = geoms.attributes.element(node, MAIN, &MESH)?;
+        let scale = asset.numbers::<3>("scale")?.unwrap_or([1.0; 3]);
+        if let Some(vertices) = asset.get("vertex") {
+            let name = node.attribute("name").ok_or_else(|| asset.missing("name"))?;
+            let inline = Arc::new(inline_mesh(&asset, vertices)?);
+            let mesh = MeshAsset {
+                uri: name.to_owned(),
+                path: None,
+                inline: Some(inline),
+                scale: Vector3::from(scale),
+            };
+            geoms.meshes.insert(name, mesh);
+            continue;
+        }
         let uri = asset.get("file").ok_or_else(|| asset.missing("file"))?;
         let stem = Path::new(uri).file_stem().and_then(|stem| stem.to_str()).unwrap_or(uri);
-        let scale = asset.numbers::<3>("scale")?.unwrap_or([1.0; 3]);
         let folder = file.and_then(Path::parent).unwrap_or(Path::new(""));
         let mut within = Path::new(uri);
         if geoms.compiler.strip_path {
@@ -66,10 +79,39 @@ pub(super) fn read_assets<'a, 'i>(
         }
         let path = folder.join(&geoms.compiler.mesh_folder).join(within);
         let path = path.is_file().then_some(path);
-        let mesh = MeshAsset { uri: uri.to_owned(), path, scale: Vector3::from(scale) };
+        let mesh = MeshAsset { uri: uri.to_owned(), path, inline: None, scale: Vector3::from(scale) };
         geoms.meshes.insert(node.attribute("name").unwrap_or(stem), mesh);
     }
     Ok(())
+}
+
+/// Corners in threes, and triangles by their numbers; without triangles the convex hull of the corners.
+fn inline_mesh(asset: &Element<'_, '_, '_>, vertices: &str) -> Result<TriangleMesh, MjcfError> {
+    let (attributes, node) = (asset.attributes, asset.node);
+    let wrong = |attribute: &str, expected: &str| {
+        let (element, value) = (named(node), asset.get(attribute).unwrap_or_default());
+        let value = value.chars().take(40).collect();
+        let (attribute, expected) = (attribute.to_owned(), expected.to_owned());
+        Err(attributes.error(node, MjcfProblem::Number { element, attribute, value, expected }))
+    };
+    let numbers = attributes.parse(node, "vertex", vertices, 1..=usize::MAX)?;
+    if numbers.len() % 3 != 0 || numbers.len() < 12 {
+        return wrong("vertex", "three numbers for each of at least 4 corners");
+    }
+    let points: Vec<_> = numbers.chunks_exact(3).map(Vector3::from_column_slice).collect();
+    let Some(faces) = asset.get("face") else {
+        // A hull is one of the corners that triangles use: here every one.
+        let triangles = (2..points.len() as u32).map(|last| [last - 2, last - 1, last]).collect();
+        let hull = TriangleMesh { points, triangles }.hull(usize::MAX);
+        return hull.map_or_else(|| wrong("vertex", "corners that do not lie in one plane"), Ok);
+    };
+    let corners = attributes.parse(node, "face", faces, 1..=usize::MAX)?;
+    let known = |corner: &f64| corner.fract() == 0.0 && (0.0..points.len() as f64).contains(corner);
+    if corners.len() % 3 != 0 || !corners.iter().all(known) {
+        return wrong("face", "three numbers of corners, counted from 0, for each triangle");
+    }
+    let triangles = corners.chunks_exact(3).map(|three| [three[0] as u32, three[1] as u32, three[2] as u32]);
+    Ok(TriangleMesh { triangles: triangles.collect(), points })
 }
 
 pub(super) fn read_exclusions<'a, 'i>(

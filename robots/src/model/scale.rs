@@ -107,9 +107,12 @@ impl Model {
                     Geometry::Capsule { radius, length } => {
                         Geometry::Capsule { radius: radius * scale, length: length * scale }
                     }
-                    Geometry::Mesh { uri, path, scale: own } => {
-                        Geometry::Mesh { uri: uri.clone(), path: path.clone(), scale: own * scale }
-                    }
+                    Geometry::Mesh { uri, path, inline, scale: own } => Geometry::Mesh {
+                        uri: uri.clone(),
+                        path: path.clone(),
+                        inline: inline.clone(),
+                        scale: own * scale,
+                    },
                 },
             };
             shapes.iter().map(scaled).collect()

@@ -1,8 +1,11 @@
 //! Collision geometry.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
+
+use crate::TriangleMesh;
 
 /// A collision shape, fixed to a body or to the base.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,12 +52,14 @@ pub enum Geometry {
         /// Length of the cylinder, without the caps.
         length: f64,
     },
-    /// A mesh file; recorded, not read.
+    /// A mesh: a file, recorded and not read, or one that the robot's file itself has.
     Mesh {
-        /// The file name as the URDF gives it.
+        /// The file name as the robot's file gives it; of a mesh without a file its name.
         uri: String,
         /// The file, if it was found.
         path: Option<PathBuf>,
+        /// The mesh itself, where it has no file.
+        inline: Option<Arc<TriangleMesh>>,
         /// Scale along x, y and z.
         scale: Vector3<f64>,
     },

@@ -55,7 +55,7 @@ pub struct Profile {
     pub rotors: BTreeMap<String, Rotor>,
     /// Default gains of a joint impedance loop.
     #[serde(default)]
-    gains: Option<GainArrays>,
+    pub(crate) gains: Option<GainArrays>,
     /// Limits that a URDF does not have.
     #[serde(default)]
     limits: LimitArrays,
@@ -74,9 +74,9 @@ struct LimitArrays {
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct GainArrays {
-    kp: Vec<f64>,
-    kd: Vec<f64>,
+pub(crate) struct GainArrays {
+    pub(crate) kp: Vec<f64>,
+    pub(crate) kd: Vec<f64>,
 }
 
 /// Gains of `tau = kp (q_des - q) + kd (v_des - v) + feed-forward`, one per independent joint in the order of `q`.
@@ -91,6 +91,26 @@ pub struct Gains {
 }
 
 impl Profile {
+    /// A profile of nothing, to be filled.
+    pub(crate) fn empty() -> Self {
+        Self {
+            title: String::new(),
+            sources: Vec::new(),
+            base: BaseKind::default(),
+            joints: Vec::new(),
+            home: String::new(),
+            passive: Vec::new(),
+            poses: BTreeMap::new(),
+            base_poses: BTreeMap::new(),
+            end_effectors: BTreeMap::new(),
+            feet: BTreeMap::new(),
+            mobile_base: None,
+            rotors: BTreeMap::new(),
+            gains: None,
+            limits: LimitArrays::default(),
+        }
+    }
+
     /// Parses the TOML text and checks that it is consistent in itself.
     ///
     /// # Errors

@@ -11,7 +11,7 @@ use super::source::{self, Survey};
 use super::structure::{self, Edge, Structure};
 use super::warning::ModelWarning;
 use super::{MimicMode, PackagePath, UrdfRobot, inertia, joints, transmission};
-use crate::load::{BaseMode, LoadOptions};
+use crate::load::{BaseMode, LoadOptions, ShapeSource};
 use crate::{
     Base, Body, Coordinate, Drive, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape,
 };
@@ -35,6 +35,7 @@ pub(crate) fn assemble(
         survey: &survey,
         file,
         packages: &options.packages,
+        shapes: options.shapes,
         places: vec![None; robot.links.len()],
         parents: vec![None; robot.links.len()],
         of_links: vec![None; robot.links.len()],
@@ -86,6 +87,7 @@ struct Assembly<'a> {
     survey: &'a Survey,
     file: Option<&'a Path>,
     packages: &'a PackagePath,
+    shapes: ShapeSource,
     /// Body and placement in it, for every link added so far.
     places: Vec<Option<(Option<usize>, Isometry3<f64>)>>,
     /// For every link the one that carries it.
@@ -221,9 +223,15 @@ impl Assembly<'_> {
         self.of_links[index] = Some(self.frames.len());
         let name = link.name.clone();
         self.frames.push(Frame { name, body, in_world: false, placement, parent, inertia });
-        for collision in &link.collision {
-            let placement = placement * joints::pose(&collision.origin);
-            let geometry = self.geometry(&link.name, &collision.geometry);
+        let collisions = link.collision.iter().map(|shape| (&shape.origin, &shape.geometry));
+        let visuals = link.visual.iter().map(|shape| (&shape.origin, &shape.geometry));
+        let shapes: Vec<_> = match self.shapes {
+            ShapeSource::Collision => collisions.collect(),
+            ShapeSource::Visual => visuals.collect(),
+        };
+        for (origin, geometry) in shapes {
+            let placement = placement * joints::pose(origin);
+            let geometry = self.geometry(&link.name, geometry);
             let shapes = match body {
                 Some(body) => &mut self.bodies[body].shapes,
                 None => &mut self.base.shapes,
@@ -254,7 +262,7 @@ impl Assembly<'_> {
                     }
                 };
                 let scale = scale.map_or(Vector3::repeat(1.0), |scale| Vector3::from(scale.0));
-                Geometry::Mesh { uri: filename.clone(), path, scale }
+                Geometry::Mesh { uri: filename.clone(), path, inline: None, scale }
             }
         }
     }

@@ -79,7 +79,12 @@ pub(crate) fn survey(text: &str) -> Result<Survey, UrdfError> {
         let at = error.pos();
         // The place stands in front of the whole message already.
         let message = error.to_string().replace(&format!(" at {at}"), "");
-        UrdfError::new(Position { line: at.row, column: at.col }, UrdfProblem::Xml(message))
+        // Without the declaration of its prefix xacro is not even XML.
+        let problem = match text.contains("<xacro:") {
+            true => UrdfProblem::Xacro,
+            false => UrdfProblem::Xml(message),
+        };
+        UrdfError::new(Position { line: at.row, column: at.col }, problem)
     })?;
     let root = document.root_element();
     let source = Source { lines: Lines::new(document.input_text()) };
@@ -113,7 +118,10 @@ pub(crate) fn survey(text: &str) -> Result<Survey, UrdfError> {
 }
 
 fn is_xacro(node: &Node<'_, '_>) -> bool {
-    node.is_element() && node.tag_name().namespace().is_some_and(|name| name.contains("xacro"))
+    let unexpanded = |value: &str| value.contains("${") || value.contains("$(");
+    node.is_element()
+        && (node.tag_name().namespace().is_some_and(|name| name.contains("xacro"))
+            || node.attributes().any(|attribute| unexpanded(attribute.value())))
 }
 
 struct Source<'a> {

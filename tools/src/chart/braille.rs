@@ -7,7 +7,8 @@ use ratatui::symbols::Marker;
 use ratatui::text::Line;
 use ratatui::widgets::{Axis, Dataset, GraphType, Widget as _};
 
-use super::{Chart, number};
+use super::Chart;
+use super::axis::number;
 
 /// The colours of the lines, in turn.
 const COLOURS: [Color; 6] =

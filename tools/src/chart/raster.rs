@@ -1,7 +1,8 @@
 //! Charts as pictures of dots.
 
 use super::font::{self, ADVANCE, BASE};
-use super::{Axis, Chart, MARGIN, SIZE, number, png};
+use super::svg::Layout;
+use super::{Chart, png, theme};
 
 /// Dots per unit of the chart.
 const SCALE: f64 = 2.0;
@@ -108,43 +109,84 @@ fn colour(text: &str) -> [u8; 3] {
     [channel(1), channel(3), channel(5)]
 }
 
+/// The strokes of a line with these lengths of strokes and gaps; the line itself without any.
+fn dashed(line: &[[f64; 2]], dashes: &[f64]) -> Vec<Vec<[f64; 2]>> {
+    if dashes.is_empty() {
+        return vec![line.to_vec()];
+    }
+    let (mut strokes, mut place, mut left) = (vec![vec![line[0]]], 0, dashes[0]);
+    for ends in line.windows(2) {
+        let ([x0, y0], [x1, y1]) = (ends[0], ends[1]);
+        let (length, mut at) = ((x1 - x0).hypot(y1 - y0), 0.0);
+        while at + left < length {
+            at += left;
+            let point = [x0 + (x1 - x0) * at / length, y0 + (y1 - y0) * at / length];
+            match place % 2 {
+                0 => strokes.last_mut().expect("a stroke has begun").push(point),
+                _ => strokes.push(vec![point]),
+            }
+            place += 1;
+            left = dashes[place % dashes.len()];
+        }
+        left -= length - at;
+        if place % 2 == 0 {
+            strokes.last_mut().expect("a stroke has begun").push([x1, y1]);
+        }
+    }
+    strokes
+}
+
 impl Chart {
     /// The chart as a PNG file: what [`svg`](Self::svg) draws, two dots a unit.
     pub(crate) fn png(&self) -> Vec<u8> {
-        let [left, top, right, bottom] = MARGIN;
-        let (width, height) = (SIZE[0] - left - right, SIZE[1] - top - bottom);
-        let points = || self.series.iter().flat_map(|series| &series.points);
-        let x_axis = Axis::of(points().map(|p| p[0]), self.log_x);
-        let y_axis = Axis::of(points().flat_map(|p| [p[1] - p[2], p[1], p[1] + p[2]]), self.log_y);
-        let x = |value: f64| left + width * x_axis.fraction(value);
-        let y = |value: f64| top + height * (1.0 - y_axis.fraction(value));
-        let mut canvas = Canvas::new(SIZE);
-        let across = x_axis.ticks().into_iter().map(|tick| vec![[x(tick), top], [x(tick), top + height]]);
-        let along = y_axis.ticks().into_iter().map(|tick| vec![[left, y(tick)], [left + width, y(tick)]]);
-        canvas.lines(&across.chain(along).collect::<Vec<_>>(), 1.0, GRID);
+        let layout = Layout::of(self);
+        let Layout { left, top, width, height, .. } = layout;
+        let (x, y) = (|value| layout.x(value), |value| layout.y(value));
+        let mut canvas = Canvas::new(layout.size);
+        let (across, along) = (layout.x_axis.ticks(6.0), layout.y_axis.ticks(6.0));
+        let lines = across.iter().map(|(tick, _)| vec![[x(*tick), top], [x(*tick), top + height]]);
+        let lines =
+            lines.chain(along.iter().map(|(tick, _)| vec![[left, y(*tick)], [left + width, y(*tick)]]));
+        canvas.lines(&lines.collect::<Vec<_>>(), 1.0, GRID);
         let corners = [[left, top], [left + width, top], [left + width, top + height], [left, top + height]];
         canvas.lines(&[corners.into_iter().chain([corners[0]]).collect()], 1.0, FRAME);
-        for tick in x_axis.ticks() {
-            canvas.text(&number(tick), [x(tick), top + height + 18.0], 13.0, Anchor::Middle);
+        for (tick, words) in &across {
+            canvas.text(words, [x(*tick), top + height + 18.0], 13.0, Anchor::Middle);
         }
-        for tick in y_axis.ticks() {
-            canvas.text(&number(tick), [left - 7.0, y(tick) + 4.0], 13.0, Anchor::End);
+        for (tick, words) in &along {
+            canvas.text(words, [left - 7.0, y(*tick) + 4.0], 13.0, Anchor::End);
         }
         canvas.text(&self.title, [left, 24.0], 15.0, Anchor::Begin);
         for (index, series) in self.series.iter().enumerate() {
-            let ink = colour(super::COLOURS[index % super::COLOURS.len()]);
-            let line: Vec<[f64; 2]> = series.points.iter().map(|[px, py, _]| [x(*px), y(*py)]).collect();
+            let ink = colour(theme::COLOURS[index % theme::COLOURS.len()]);
+            let dashes = theme::DASHES[index % theme::DASHES.len()];
             let bars = series.points.iter().filter(|[.., bar]| *bar > 0.0);
-            let bars = bars.map(|[px, py, bar]| vec![[x(*px), y(py - bar)], [x(*px), y(py + bar)]]);
-            let mut lines: Vec<Vec<[f64; 2]>> = bars.collect();
-            // A single point is a dot.
-            lines.push(if line.len() == 1 { vec![line[0], line[0]] } else { line });
+            let bars: Vec<_> =
+                bars.map(|[px, py, bar]| vec![[x(*px), y(py - bar)], [x(*px), y(py + bar)]]).collect();
+            match series.has_band() {
+                // Of a band the edges.
+                true => {
+                    let edge = |side: usize| bars.iter().map(|bar| bar[side]).collect::<Vec<_>>();
+                    canvas.lines(&[edge(0), edge(1)], 0.7, ink);
+                }
+                false => canvas.lines(&bars, 1.0, ink),
+            }
+            let mut lines: Vec<Vec<[f64; 2]>> = Vec::new();
+            for run in series.runs() {
+                let line: Vec<[f64; 2]> = run.iter().map(|[px, py, _]| [x(*px), y(*py)]).collect();
+                // A single point is a dot.
+                lines.extend(if line.len() == 1 {
+                    vec![vec![line[0], line[0]]]
+                } else {
+                    dashed(&line, dashes)
+                });
+            }
             canvas.lines(&lines, 1.8, ink);
-            let key = [left + width + 14.0, top + 12.0 + 20.0 * index as f64];
-            canvas.lines(&[vec![key, [key[0] + 18.0, key[1]]]], 3.0, ink);
-            canvas.text(&series.name, [key[0] + 24.0, key[1] + 4.0], 13.0, Anchor::Begin);
+            let key = layout.key(index);
+            canvas.lines(&dashed(&[key, [key[0] + 22.0, key[1]]], dashes), 3.0, ink);
+            canvas.text(&layout.names[index], [key[0] + 28.0, key[1] + 4.0], 13.0, Anchor::Begin);
         }
-        canvas.text(&self.x, [left + 0.5 * width, SIZE[1] - 12.0], 13.0, Anchor::Middle);
+        canvas.text(&self.x, [left + 0.5 * width, layout.size[1] - 12.0], 13.0, Anchor::Middle);
         canvas.turned_text(&self.y, [18.0, top + 0.5 * height], 13.0, Anchor::Middle, true);
         png::encode(canvas.width, canvas.height, &canvas.pixels)
     }

@@ -168,3 +168,49 @@ fn what_cannot_be_read_or_run_is_refused_in_words() {
     let error = refused(&["primitive", "show", text(&model)]);
     assert!(error.contains("model.json"), "{error}");
 }
+
+#[test]
+fn kernelised_and_polynomial_primitives_are_fitted_shown_bent_and_replayed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name);
+    let shown: Vec<std::path::PathBuf> =
+        [-0.05, 0.0, 0.05].iter().map(|wobble| file(&format!("{wobble}.csv"))).collect();
+    for (path, wobble) in shown.iter().zip([-0.05, 0.0, 0.05]) {
+        recording(path, wobble);
+    }
+    let model = file("model.json");
+    let fit = |options: &[&str]| {
+        let files: Vec<&str> = shown.iter().map(|path| text(path)).collect();
+        json(&[&["primitive", "fit"], &files[..], &["--output", text(&model), "--json"], options].concat())
+    };
+    let report = fit(&["--model", "kernelised"]);
+    assert_eq!(report["kind"], "kernelised");
+    // The recordings differ from their mean by up to 0.05, in one dimension of two.
+    assert!(report["rms_error"].as_f64().is_some_and(|error| error < 0.04), "{report}");
+    let replayed = json(&["primitive", "replay", text(&model), "--via", "0.5:0.25,0.35:0.001", "--json"]);
+    let middle = &replayed["position"][50];
+    let error =
+        (middle[0].as_f64().expect("x") - 0.25).abs().max((middle[1].as_f64().expect("y") - 0.35).abs());
+    assert!(error < 5e-3, "{middle}");
+    let shown_again = json(&["primitive", "show", text(&model), "--json"]);
+    assert_eq!(shown_again["settings"]["points"], 50);
+
+    let report = fit(&["--model", "polynomial", "--degree", "7"]);
+    assert_eq!((&report["kind"], &report["duration_s"]), (&"polynomial".into(), &1.0.into()));
+    assert!(report["rms_error"].as_f64().is_some_and(|error| error < 0.04), "{report}");
+    let shown_again = json(&["primitive", "show", text(&model), "--json"]);
+    assert_eq!(shown_again["dimensions"][0]["weights"], 8);
+    for (options, refused) in [
+        (&["--model", "polynomial", "--kernels", "9"][..], "--kernels"),
+        (&["--model", "kernelised", "--degree", "9"], "--degree"),
+        (&["--components", "3"], "--components"),
+        (&["--model", "kernelised", "--regression", "ridge"], "--regression"),
+    ] {
+        let output = run(&[&["primitive", "fit", text(&shown[0])], options].concat());
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && errors.contains(&format!("{refused} says nothing")), "{errors}");
+    }
+    let output = run(&["primitive", "replay", text(&model), "--goal", "1,2"]);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(errors.contains("a polynomial primitive has a duration: no start, goal"), "{errors}");
+}

@@ -67,11 +67,12 @@ impl Default for Training {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Coupling {
-    network: ConvolutionalNetwork,
-    library: MotionLibrary,
+    pub(super) network: ConvolutionalNetwork,
+    pub(super) library: MotionLibrary,
     /// Mean and scale of the outputs, `o = mean + scale z` for the output `z` of the network.
-    mean: DVector<f64>,
-    scale: DMatrix<f64>,
+    pub(super) mean: DVector<f64>,
+    pub(super) scale: DMatrix<f64>,
+    pub(super) pen_speed: f64,
 }
 
 impl Coupling {
@@ -136,7 +137,7 @@ impl Coupling {
             }
             progress(epoch, 2.0 * total / curves.len() as f64 * UNIT * UNIT);
         }
-        Ok(Self { network, library, mean, scale })
+        Ok(Self { network, library, mean, scale, pen_speed: pen_speed(letters) })
     }
 
     /// The movement that writes the letter in a picture, in a frame of extent 1 and a duration of 1 s.
@@ -150,6 +151,20 @@ impl Coupling {
         Superposition { weights: out.as_slice()[..n].to_vec(), frame }
     }
 
+    /// The movement that writes the letter in a picture at a pen speed, in letter sizes per second; without one at that of
+    /// the letters it was learned from. The picture does not show the speed, so it is even along the stroke.
+    pub fn written(&self, picture: &Picture, pen_speed: Option<f64>) -> Superposition {
+        let mut movement = self.movement(picture);
+        let length = length(&movement.path(&self.library));
+        movement.frame.duration = length / pen_speed.unwrap_or(self.pen_speed);
+        movement
+    }
+
+    /// The mean pen speed of the letters it was learned from, in letter sizes (the larger side) per second.
+    pub fn pen_speed(&self) -> f64 {
+        self.pen_speed
+    }
+
     /// The library whose weights it predicts.
     pub fn library(&self) -> &MotionLibrary {
         &self.library
@@ -159,6 +174,18 @@ impl Coupling {
     pub fn network(&self) -> &ConvolutionalNetwork {
         &self.network
     }
+}
+
+/// Length of a path.
+pub fn length(path: &DMatrix<f64>) -> f64 {
+    (1..path.nrows()).map(|k| (path.row(k) - path.row(k - 1)).norm()).sum()
+}
+
+/// Mean over letters of their length in letter sizes by their duration.
+fn pen_speed(letters: &Recordings) -> f64 {
+    let each =
+        letters.trajectories.iter().map(|letter| length(&unit_extent(&letter.positions)) / letter.duration);
+    each.sum::<f64>() / letters.trajectories.len().max(1) as f64
 }
 
 /// A random blend of a letter with another of its label, up to half way: a blend of movements is a movement.

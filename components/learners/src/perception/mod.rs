@@ -14,7 +14,11 @@
 //! `|L^T (o' - o)|^2`; the network learns `z = L^T o`, in which all outputs count alike, and `o = L^-T z`.
 //!
 //! **Time.** The picture of a letter does not show its speed. So the letters are learned as they are drawn at even
-//! speed along the stroke ([`even_speed`]), and paths are compared as curves ([`chamfer`]).
+//! speed along the stroke ([`even_speed`]), and paths are compared as curves ([`chamfer`]). [`Coupling::written`] writes at
+//! a pen speed that is asked for, or at the mean one of the letters learned.
+//!
+//! **Files.** [`Coupling::write`] and [`Coupling::read`] keep a coupling whole: its network and its library.
+//! [`Picture::read`] reads pictures (PGM).
 //!
 //! The network is small enough for plain matrix products on one core; a framework for it would cost more to build than
 //! it saves. Training is seeded: the same seed gives the same weights on the same machine.
@@ -23,9 +27,13 @@
 //! Kingma, Ba, ICLR 2015.
 
 mod coupling;
+mod file;
+mod image;
 mod letter;
 mod picture;
 
-pub use coupling::{Coupling, Training};
+pub use coupling::{Coupling, Training, length};
+pub use file::CouplingFileError;
+pub use image::ImageError;
 pub use letter::{augmented, begun_at_zero, chamfer, even_speed, unit_extent};
 pub use picture::{PIXELS, Picture};

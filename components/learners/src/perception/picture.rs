@@ -11,7 +11,7 @@ pub const PIXELS: usize = IMAGE_SIDE;
 pub struct Picture(pub Vec<f32>);
 
 /// Size in the picture of a letter of extent 1, pixels.
-const EXTENT: f64 = 20.0;
+pub(super) const EXTENT: f64 = 20.0;
 /// Half width of a line, as the standard deviation of its profile, pixels.
 const LINE: f64 = 0.7;
 

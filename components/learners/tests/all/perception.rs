@@ -1,7 +1,9 @@
 //! Letters written from their pictures.
 
 use motorium_learners::experiments::perception::{CurveErrors, Letters};
-use motorium_learners::perception::Training;
+use motorium_learners::perception::{
+    Coupling, CouplingFileError, ImageError, Picture, Training, length, unit_extent,
+};
 use motorium_library::letters::{Variation, letters};
 use motorium_library::{DAMPING, SampledSpring};
 
@@ -42,4 +44,86 @@ fn the_mean_of_several_networks_is_taken_letter_by_letter() {
     let b = CurveErrors { begun: vec![3.0, 4.0], centred: vec![2.0, 0.0] };
     let mean = CurveErrors::mean(&[a, b]);
     assert_eq!(mean, CurveErrors { begun: vec![2.0, 3.0], centred: vec![1.0, 2.0] });
+}
+
+fn coupling() -> Coupling {
+    let spring = SampledSpring::new(60, DAMPING).unwrap();
+    let training = Training { epochs: 2, eigenforces: 6, ..Training::default() };
+    Coupling::train(&letters(1, Variation::default(), 1), spring, &training, |_, _| {}).unwrap()
+}
+
+/// A file of its own for each test.
+fn file(name: &str) -> std::path::PathBuf {
+    std::env::temp_dir().join(format!("motorium-{}-{name}", std::process::id()))
+}
+
+#[test]
+fn a_coupling_that_is_read_again_writes_the_same_movement_to_the_bit() {
+    let (path, coupling) = (file("coupling"), coupling());
+    coupling.write(&path).unwrap();
+    let read = Coupling::read(&path).unwrap();
+    assert!(Coupling::is_coupling(&path));
+    for letter in &letters(1, Variation::default(), 3).trajectories[..5] {
+        let picture = Picture::of(&unit_extent(&letter.resampled(80)));
+        assert_eq!(read.written(&picture, None), coupling.written(&picture, None));
+    }
+    let whole = std::fs::read(&path).unwrap();
+    for length in [4, 20, 200, whole.len() - 3] {
+        std::fs::write(&path, &whole[..length]).unwrap();
+        assert!(Coupling::read(&path).is_err(), "cut after {length} bytes");
+    }
+    let mut changed = whole.clone();
+    changed[whole.len() / 2] ^= 1;
+    std::fs::write(&path, changed).unwrap();
+    assert!(matches!(Coupling::read(&path), Err(CouplingFileError::Damaged { .. })));
+    std::fs::remove_file(&path).unwrap();
+}
+
+#[test]
+fn a_letter_is_written_at_the_pen_speed_that_is_asked_for_or_at_that_of_the_letters_learned() {
+    let known = letters(1, Variation::default(), 1);
+    let coupling = coupling();
+    let speeds =
+        known.trajectories.iter().map(|letter| length(&unit_extent(&letter.positions)) / letter.duration);
+    let mean = speeds.sum::<f64>() / known.trajectories.len() as f64;
+    assert!((coupling.pen_speed() - mean).abs() < 1e-12 * mean);
+    let picture = Picture::of(&unit_extent(&known.trajectories[3].resampled(80)));
+    for (asked, expected) in [(None, mean), (Some(0.25), 0.25)] {
+        let movement = coupling.written(&picture, asked);
+        let found = length(&movement.path(coupling.library())) / movement.frame.duration;
+        assert!((found - expected).abs() < 1e-9, "{found}, expected {expected}");
+    }
+}
+
+#[test]
+fn a_picture_is_the_same_dark_on_light_light_on_dark_large_or_off_the_centre() {
+    let letter = unit_extent(&letters(1, Variation::default(), 1).trajectories[0].resampled(80));
+    let expected = Picture::of(&letter);
+    // Three times as large, and off the centre.
+    let large = |ink: bool| {
+        let mut bytes = b"P5\n# a letter\n120 100\n255\n".to_vec();
+        for (row, column) in (0..100_usize).flat_map(|row| (0..120_usize).map(move |column| (row, column))) {
+            let inside = row < 84 && (20..104).contains(&column);
+            let grey = if inside { expected.0[row / 3 * 28 + (column - 20) / 3] } else { 0.0 };
+            let grey = if ink { 1.0 - grey } else { grey };
+            bytes.push((255.0 * grey).round() as u8);
+        }
+        bytes
+    };
+    let path = file("letter.pgm");
+    for bytes in [expected.to_pgm(), large(true), large(false)] {
+        std::fs::write(&path, bytes).unwrap();
+        let read = Picture::read(&path).unwrap();
+        let apart = read.0.iter().zip(&expected.0).map(|(a, b)| (a - b).powi(2)).sum::<f32>();
+        let whole = expected.0.iter().map(|grey| grey * grey).sum::<f32>();
+        assert!(apart < 0.15 * whole, "{apart} of {whole}");
+    }
+    std::fs::write(&path, "P2 2 2 9 1 1 1 1").unwrap();
+    assert!(matches!(Picture::read(&path), Err(ImageError::Blank { .. })));
+    std::fs::write(&path, "P5 20 20 255 short").unwrap();
+    let error = Picture::read(&path).unwrap_err().to_string();
+    assert!(error.contains("it ends after 5 of 400 bytes"), "{error}");
+    std::fs::write(&path, "P6 1 1 255 ...").unwrap();
+    assert!(Picture::read(&path).unwrap_err().to_string().contains("neither P2 nor P5"));
+    std::fs::remove_file(&path).unwrap();
 }

@@ -30,7 +30,7 @@
 mod read;
 mod write;
 
-pub use read::{FileError, View, read};
+pub use read::{FileError, View, from_bytes, read};
 pub use write::{to_bytes, write};
 
 use serde::{Deserialize, Serialize};

@@ -236,11 +236,18 @@ fn head(bytes: &[u8]) -> Result<Head, FileError> {
 pub fn read(path: &Path) -> Result<MotionLibrary, FileError> {
     let io = |source| FileError::Io { path: path.to_path_buf(), source };
     let content = read_bounded(path, LONGEST).map_err(io)?;
+    let at = |source: FileError| FileError::In { path: path.to_path_buf(), source: Box::new(source) };
+    from_bytes(&content).map_err(at)
+}
+
+/// A library from the bytes of a file, wherever they lie.
+///
+/// # Errors
+/// Bytes that are no library.
+pub fn from_bytes(content: &[u8]) -> Result<MotionLibrary, FileError> {
     // words, so that the numbers in it are aligned
     let mut words = vec![0_u64; content.len().div_ceil(8)];
     let bytes = &mut bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..content.len()];
-    bytes.copy_from_slice(&content);
-    drop(content);
-    let at = |source: FileError| FileError::In { path: path.to_path_buf(), source: Box::new(source) };
-    View::new(bytes).and_then(|view| view.to_library()).map_err(at)
+    bytes.copy_from_slice(content);
+    View::new(bytes).and_then(|view| view.to_library())
 }

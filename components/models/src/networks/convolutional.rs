@@ -1,6 +1,6 @@
 //! A convolutional network on grey images.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rand_pcg::Pcg64;
 
 use super::adam::Adam;
@@ -48,12 +48,32 @@ struct Trace {
     out: DMatrix<f32>,
 }
 
+/// Outputs and inputs of the layers.
+fn sizes(outputs: usize) -> [(usize, usize); 4] {
+    let flat = CHANNELS[1] * (SIDES[2] / 2) * (SIDES[2] / 2);
+    [(CHANNELS[0], 25), (CHANNELS[1], 25 * CHANNELS[0]), (HIDDEN, flat), (outputs, HIDDEN)]
+}
+
 impl ConvolutionalNetwork {
     /// Random weights for `outputs` outputs.
     pub fn random(outputs: usize, random: &mut Pcg64) -> Self {
-        let flat = CHANNELS[1] * (SIDES[2] / 2) * (SIDES[2] / 2);
-        let layers = [(CHANNELS[0], 25), (CHANNELS[1], 25 * CHANNELS[0]), (HIDDEN, flat), (outputs, HIDDEN)];
-        Self { layers: layers.map(|(outputs, inputs)| Linear::random(outputs, inputs, random)) }
+        Self { layers: sizes(outputs).map(|(outputs, inputs)| Linear::random(outputs, inputs, random)) }
+    }
+
+    /// The weights (outputs x inputs) and the bias of each layer.
+    pub fn layers(&self) -> impl Iterator<Item = (&DMatrix<f32>, &DVector<f32>)> {
+        self.layers.iter().map(|layer| (&layer.weights, &layer.bias))
+    }
+
+    /// A network of given layers, such as those of [`layers`](Self::layers); `None` if their sizes are not those of such a
+    /// network.
+    pub fn from_layers(layers: [(DMatrix<f32>, DVector<f32>); 4]) -> Option<Self> {
+        let outputs = layers[3].0.nrows();
+        let fits = |(layer, size): (&(DMatrix<f32>, DVector<f32>), (usize, usize))| {
+            layer.0.shape() == size && layer.1.len() == size.0
+        };
+        let possible = outputs > 0 && layers.iter().zip(sizes(outputs)).all(fits);
+        possible.then(|| Self { layers: layers.map(|(weights, bias)| Linear { weights, bias }) })
     }
 
     /// Number of parameters.

@@ -134,7 +134,7 @@ fn vectors(name: &str) -> Option<Value> {
     Some(serde_json::from_str(&text).unwrap())
 }
 
-fn robots() -> Option<PathBuf> {
+pub(crate) fn robots() -> Option<PathBuf> {
     if let Some(folder) = std::env::var_os("MOTORIUM_EXAMPLE_ROBOT_DATA") {
         return Some(PathBuf::from(folder));
     }

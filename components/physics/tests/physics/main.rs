@@ -23,6 +23,7 @@ mod panda;
 mod pushes;
 mod randomise;
 mod several_articulations;
+mod robots_of_others;
 mod several_robots;
 mod standing;
 mod terrain;

@@ -17,15 +17,25 @@ use motorium_primitives::reach::Repeat;
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LibraryPolicyConfig {
-    /// A library file; recordings (.jsonl, .json, .csv) to learn one from; or "letters", those of our own. Relative to
-    /// the graph file.
+    /// A library file; recordings (.jsonl, .json, .csv) to learn one from; "letters", those of our own; or a coupling, which
+    /// writes `pictures`. Relative to the graph file.
     #[schemars(extend("format" = "path", "words" = ["letters"]))]
     pub library: String,
     /// Samples per second of recordings that do not say.
     #[serde(default = "rate")]
     pub rate: f64,
-    /// Labels or ids of the movements, in their order.
+    /// Labels or ids of the movements, in their order. Not needed with `pictures`.
+    #[serde(default)]
     pub movements: Vec<String>,
+    /// Pictures of letters (.pgm) that the coupling in `library` turns into movements, made after the others. The name of
+    /// each is that of its file. Relative to the graph file.
+    #[serde(default)]
+    #[schemars(extend("format" = "path"))]
+    pub pictures: Vec<String>,
+    /// Speed at which letters are written from pictures, in letter sizes per second. Default: the mean speed of the letters
+    /// that the coupling has learned from.
+    #[serde(default)]
+    pub pen_speed: Option<f64>,
     /// Numbers of eigenforces: each movement is made with each of them. Without it, with all.
     #[serde(default)]
     pub eigenforces: Vec<usize>,

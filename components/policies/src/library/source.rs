@@ -1,12 +1,14 @@
 //! The library that a policy moves by.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use motorium::declare::ConfigError;
+use nalgebra::DVector;
 
 use super::config::LibraryPolicyConfig;
+use motorium_learners::perception::{Coupling, Picture};
 use motorium_library::{
-    DAMPING, Metric, MotionLibrary, Recordings, SampledSpring, Truncation, file,
+    DAMPING, Entry, Metric, MotionLibrary, Recordings, SampledSpring, Truncation, file,
     letters::{Variation, letters},
 };
 use motorium_recordings::Selection;
@@ -24,18 +26,61 @@ pub(super) fn load(config: &LibraryPolicyConfig, base: Option<&Path>) -> Result<
         MotionLibrary::build(&recordings, spring, Metric::Position, Truncation::Rank(super::MAX_WEIGHTS))
             .map_err(|error| refuse(&error))
     };
-    if config.library == "letters" {
+    if config.library == "letters" && config.pictures.is_empty() {
         return build(letters(LETTERS.0, Variation::default(), LETTERS.1));
     }
     let path =
         base.map_or_else(|| Path::new(&config.library).to_path_buf(), |base| base.join(&config.library));
+    if Coupling::is_coupling(&path) {
+        return seen(config, base, &Coupling::read(&path).map_err(|error| refuse(&error))?);
+    }
+    if !config.pictures.is_empty() {
+        let message = format!("{} is no coupling, which alone knows pictures", path.display());
+        return Err(ConfigError::key("pictures", message).advise("train one with `motorium library couple`"));
+    }
     if motorium_recordings::is_recording(&path) {
         let selection = Selection { rate: Some(config.rate), ..Selection::default() };
         return build(Recordings::read([&path], &selection).map_err(|error| refuse(&error))?);
     }
     file::read(&path).map_err(|error| {
-        refuse(&error).advise("give a library file, recordings (.csv, .tsv, .json, .jsonl), or \"letters\"")
+        refuse(&error)
+            .advise("give a library or a coupling, recordings (.csv, .tsv, .json, .jsonl), or \"letters\"")
     })
+}
+
+/// The library of a coupling, with a movement for each picture.
+fn seen(
+    config: &LibraryPolicyConfig,
+    base: Option<&Path>,
+    coupling: &Coupling,
+) -> Result<MotionLibrary, ConfigError> {
+    if let Some(speed) = config.pen_speed.filter(|speed| !(*speed > 0.0 && speed.is_finite())) {
+        return Err(ConfigError::key("pen_speed", format!("{speed}, expected a positive number")));
+    }
+    let mut parts = coupling.library().parts().clone();
+    let mut columns = vec![];
+    for (index, picture) in config.pictures.iter().enumerate() {
+        let key = || format!("pictures[{index}]");
+        let path = base.map_or_else(|| PathBuf::from(picture), |base| base.join(picture));
+        let shown = Picture::read(&path).map_err(|error| ConfigError::key(key(), error.to_string()))?;
+        let movement = coupling.written(&shown, config.pen_speed);
+        columns.push(DVector::from_vec(movement.weights));
+        parts.entries.push(Entry { id: name(picture), label: None, frame: movement.frame });
+    }
+    let known = parts.weights.ncols();
+    let weights = std::mem::take(&mut parts.weights);
+    parts.weights = weights.insert_columns(known, columns.len(), 0.0);
+    for (column, weights) in columns.iter().enumerate() {
+        parts.weights.set_column(known + column, weights);
+    }
+    MotionLibrary::from_parts(parts).map_err(|error| ConfigError::key("library", error.to_string()))
+}
+
+/// The name of a picture: that of its file without its ending.
+fn name(picture: &str) -> String {
+    Path::new(picture)
+        .file_stem()
+        .map_or_else(|| picture.to_string(), |name| name.to_string_lossy().into_owned())
 }
 
 /// The movement of a label or id.
@@ -55,11 +100,15 @@ pub(super) fn entries(
     config: &LibraryPolicyConfig,
     library: &MotionLibrary,
 ) -> Result<Vec<(usize, String)>, ConfigError> {
-    if config.movements.is_empty() {
+    if config.movements.is_empty() && config.pictures.is_empty() {
         return Err(ConfigError::key("movements", "the list is empty, expected at least one label or id"));
     }
     let named = config.movements.iter().enumerate();
-    named.map(|(k, name)| Ok((find(library, name, &format!("movements[{k}]"))?, name.clone()))).collect()
+    let named = named.map(|(k, name)| Ok((find(library, name, &format!("movements[{k}]"))?, name.clone())));
+    // The movements of pictures stand at the end of the library.
+    let first = library.entries().len() - config.pictures.len();
+    let pictures = config.pictures.iter().enumerate().map(|(k, picture)| Ok((first + k, name(picture))));
+    named.chain(pictures).collect()
 }
 
 /// Checks the numbers of a configuration.

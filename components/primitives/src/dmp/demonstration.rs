@@ -107,8 +107,7 @@ impl Demonstration {
 
     /// The same movement, unaccelerated at its ends.
     ///
-    /// The accelerations of a recording at its ends are mostly noise, but a primitive with a quintic goal starts with
-    /// them.
+    /// Accelerations of a recording at its ends are mostly noise, which a fit on the forcing term takes for its shape.
     #[must_use]
     pub fn unaccelerated_at_its_ends(mut self) -> Self {
         let last = self.samples() - 1;

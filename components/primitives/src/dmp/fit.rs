@@ -258,11 +258,14 @@ fn normalised(demo: &Demonstration, sample: usize, dimension: usize, duration: f
 }
 
 /// The polynomial with the start and end of a demonstration: to rest, or with its final velocity if the variant has one.
+///
+/// It leaves unaccelerated, as a movement does that is started with a velocity alone: an acceleration at the start of the
+/// demonstration is part of the forcing term.
 pub(super) fn reference(model: &DmpModel, demo: &Demonstration, dimension: usize) -> Quintic {
     let first = normalised(demo, 0, dimension, demo.duration());
     let last = normalised(demo, demo.samples() - 1, dimension, demo.duration());
     let final_rate = if model.settings().variant.may_end_in_motion() { last.rate } else { 0.0 };
-    Quintic::passing(0.0, 1.0, first, last.value, final_rate)
+    Quintic::passing(0.0, 1.0, Jet { acceleration: 0.0, ..first }, last.value, final_rate)
 }
 
 fn deviation(jet: Jet, reference: &Quintic, progress: f64) -> Jet {

@@ -7,11 +7,14 @@
 //! mean `m(s) = k* (K + lambda_1 S)^-1 mu`, covariance `N / lambda_2 (k(s, s) - k* (K + lambda_2 S)^-1 k*^T)`.
 //!
 //! A via point joins the reference, or replaces a point next to it; several references superpose as a product of Gaussians.
+//! [`KernelisedMovement`] is one over the phase, fitted to demonstrations and written to files.
 //!
 //! [`Gmr`]: crate::gmm::Gmr
 
 mod model;
+mod movement;
 mod reference;
 
 pub use model::{Kmp, KmpSettings};
+pub use movement::{KernelisedFit, KernelisedMean, KernelisedMovement, StoredKernelised};
 pub use reference::{KmpError, KmpReference, ReferencePoint};

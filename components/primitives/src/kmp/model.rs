@@ -94,6 +94,26 @@ impl Kmp {
         Ok(&self.mean)
     }
 
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    /// Writes the mean and its derivative at an input of one number.
+    pub(super) fn mean_into(&self, input: f64, mean: &mut [f64], slope: &mut [f64]) {
+        mean.fill(0.0);
+        slope.fill(0.0);
+        let points = self.inputs.iter().zip(self.coefficients.as_slice().chunks_exact(self.outputs));
+        for (place, coefficients) in points {
+            let k = kernel(&[input], place.as_slice(), self.settings.length);
+            let per_input = -2.0 * (input - place[0]) / self.settings.length * k;
+            for (d, coefficient) in coefficients.iter().enumerate() {
+                mean[d] += k * coefficient;
+                slope[d] += per_input * coefficient;
+            }
+        }
+    }
+
     /// The covariance at an input.
     ///
     /// # Errors

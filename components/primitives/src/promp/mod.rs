@@ -20,4 +20,4 @@ pub use basis::ProMpBasis;
 pub use fit::{Learning, ProMpFit};
 pub use model::{Observed, ProMp, ProMpError, StoredProMp};
 pub use product::blend;
-pub use run::ProMpRunner;
+pub use run::{ProMpMean, ProMpRunner};

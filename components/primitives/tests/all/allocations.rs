@@ -155,7 +155,7 @@ fn pattern_generators_step_and_change_their_gait_without_allocating() {
 fn probabilistic_policies_answer_without_allocating() {
     let basis = ProMpBasis::gaussian(8, 0.7).unwrap();
     let promp = ProMp::from_weights(basis, 2, DVector::zeros(16), DMatrix::identity(16, 16)).unwrap();
-    let mut runner = ProMpRunner::new(promp);
+    let mut runner = ProMpRunner::new(promp.into());
     let means = vec![DVector::zeros(3), DVector::from_element(3, 1.0)];
     let gmm = Gmm::new(vec![0.5, 0.5], means, vec![DMatrix::identity(3, 3); 2]).unwrap();
     let mut gmr = Gmr::new(&gmm, 1).unwrap();

@@ -1,9 +1,10 @@
 //! Primitives learned from demonstrations reproduce them.
 
 use motorium_primitives::dmp::{
-    Demonstration, DiscreteDmp, DmpModel, FitError, Regression, Scaling, Settings, Variant,
+    Demonstration, DiscreteDmp, DmpModel, FitError, OrientationDmp, Regression, Scaling, Settings, Variant,
+    orientation_demonstration,
 };
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, UnitQuaternion, Vector3};
 
 const RIDGE: Regression = Regression::Ridge { lambda: 1e-12 };
 const RESPONSE: Regression = Regression::Response { lambda: 1e-12 };
@@ -24,7 +25,7 @@ fn recording(duration: f64, samples: usize) -> DMatrix<f64> {
     DMatrix::from_fn(samples, 2, |k, d| curve(duration * k as f64 / (samples - 1) as f64, duration)[d])
 }
 
-/// Root mean square of the distance between the movement of a model and the curve.
+/// Root mean square of the distance between the movement of a model, started at the velocity of the curve, and the curve.
 fn reproduction_error(model: DmpModel, demonstration: &Demonstration) -> f64 {
     let duration = demonstration.duration();
     let row = |matrix: &DMatrix<f64>, k: usize| matrix.row(k).iter().copied().collect::<Vec<f64>>();
@@ -33,7 +34,7 @@ fn reproduction_error(model: DmpModel, demonstration: &Demonstration) -> f64 {
         [
             &row(demonstration.positions(), 0),
             &row(demonstration.velocities(), 0),
-            &row(demonstration.accelerations(), 0),
+            &vec![0.0; demonstration.dimensions()],
         ],
         &row(demonstration.positions(), demonstration.samples() - 1),
         duration,
@@ -103,6 +104,48 @@ fn a_fitted_quintic_goal_arrives_on_time_and_settles_after_it() {
     assert!(off(&dmp) < 1e-4, "{} at the end", off(&dmp));
     (0..1000).for_each(|_| dmp.step(1e-3));
     assert!(off(&dmp) < 1e-6, "{} half a duration later", off(&dmp));
+}
+
+/// It begins and ends accelerated: at `pi^2 / 2` per duration squared, and at its negative.
+fn half_cosine(p: f64) -> f64 {
+    0.5 * (1.0 - (std::f64::consts::PI * p).cos())
+}
+
+#[test]
+fn a_half_cosine_that_is_shown_is_what_a_movement_from_rest_follows() {
+    for variant in [Variant::QuinticGoal, Variant::FinalVelocity] {
+        let shown = DMatrix::from_fn(401, 1, |k, _| half_cosine(k as f64 / 400.0));
+        let demonstration = Demonstration::from_positions(2.0, shown).unwrap();
+        for regression in [RIDGE, RESPONSE] {
+            let model =
+                DmpModel::fit(settings(variant), std::slice::from_ref(&demonstration), regression).unwrap();
+            let mut dmp = DiscreteDmp::new(model);
+            dmp.start(&[0.0], &[1.0], 2.0).unwrap();
+            let mut worst = 0.0_f64;
+            for k in 1..=2000 {
+                dmp.step(1e-3);
+                worst = worst.max((dmp.position()[0] - half_cosine(f64::from(k) / 2000.0)).abs());
+            }
+            assert!(worst < 1e-3, "{variant:?}, {regression:?}: {worst}");
+        }
+    }
+}
+
+#[test]
+fn an_orientation_shown_along_a_half_cosine_is_what_a_movement_from_rest_follows() {
+    let axis = Vector3::new(0.6, -0.3, 0.74).normalize();
+    let turn = |p: f64| UnitQuaternion::from_scaled_axis(axis * (2.5 * half_cosine(p)));
+    let shown: Vec<_> = (0..=400).map(|k| turn(f64::from(k) / 400.0)).collect();
+    let demonstration = orientation_demonstration(2.0, &shown).unwrap();
+    let model = DmpModel::fit(Settings::default(), &[demonstration], Regression::default()).unwrap();
+    let mut dmp = OrientationDmp::new(model).unwrap();
+    dmp.start(turn(0.0), turn(1.0), 2.0).unwrap();
+    let mut worst = 0.0_f64;
+    for k in 1..=2000 {
+        dmp.step(1e-3);
+        worst = worst.max(dmp.orientation().angle_to(&turn(f64::from(k) / 2000.0)));
+    }
+    assert!(worst < 3e-3, "{worst} rad");
 }
 
 #[test]

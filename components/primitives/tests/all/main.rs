@@ -4,6 +4,7 @@ mod allocations;
 mod discrete;
 mod examples;
 mod fitting;
+mod means;
 mod orientation;
 mod oscillators;
 mod probabilistic;

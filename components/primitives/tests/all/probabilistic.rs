@@ -306,7 +306,7 @@ fn drawn_movements_vary_as_the_primitive_says() {
 #[test]
 fn a_runner_leaves_where_it_is_without_a_jump_and_arrives_where_the_mean_does() {
     let (promp, _) = primitive();
-    let mut runner = ProMpRunner::new(promp.clone());
+    let mut runner = ProMpRunner::new(promp.clone().into());
     runner.start(&[5.0, -5.0], &[0.3, -0.2], 2.0).unwrap();
     assert!((runner.position()[0] - 5.0).abs() < 1e-12 && (runner.velocity()[1] + 0.2).abs() < 1e-12);
     let mut before = runner.position().to_vec();

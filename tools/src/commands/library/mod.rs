@@ -1,6 +1,7 @@
 //! `motorium library`: motion libraries in files.
 
 mod build;
+mod couple;
 mod evaluate;
 mod generate;
 mod inspect;
@@ -8,6 +9,7 @@ mod letters;
 mod recognise;
 mod reshape;
 mod source;
+mod write;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -37,6 +39,8 @@ enum Command {
     Generate(generate::Generate),
     Evaluate(evaluate::Evaluate),
     Letters(letters::Letters),
+    Couple(couple::Couple),
+    Write(write::Write),
 }
 
 impl Library {
@@ -51,6 +55,8 @@ impl Library {
             Command::Generate(command) => command.run(),
             Command::Evaluate(command) => command.run(),
             Command::Letters(command) => command.run(),
+            Command::Couple(command) => command.run(),
+            Command::Write(command) => command.run(),
         }
     }
 }

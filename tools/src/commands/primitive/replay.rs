@@ -9,7 +9,7 @@ use anyhow::{Context as _, bail};
 use motorium_primitives::file::PrimitiveFile;
 use motorium_primitives::rollout::{Override, Trajectory, ViaPoint, roll_out};
 
-use super::plot::{self, Panel};
+use super::plot;
 use super::{Numbers, numbers};
 
 /// Run a primitive: as demonstrated, or with another start, goal, duration or via points.
@@ -95,12 +95,9 @@ impl Replay {
         };
         let trajectory = roll_out(&file, &overrides, 1.0 / self.rate)?;
         if let Some(path) = &self.plot {
-            let panel = |(d, name): (usize, &String)| {
-                let mut panel = Panel::new(name);
-                panel.trajectory(&trajectory, d);
-                panel
-            };
-            let panels: Vec<Panel> = file.names.iter().enumerate().map(panel).collect();
+            let shown = std::slice::from_ref(&trajectory);
+            let panels: Vec<_> =
+                file.names.iter().enumerate().map(|(d, name)| plot::dimension(name, shown, d)).collect();
             plot::write(path, &panels)?;
         }
         if let Some(path) = &self.output {

@@ -5,11 +5,11 @@ use std::process::ExitCode;
 
 use motorium_primitives::dmp::{DmpModel, RhythmicModel, Variant};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
-use motorium_primitives::promp::ProMp;
 use motorium_primitives::rollout::{Override, roll_out};
 use serde::Serialize;
 
-use super::plot::{self, Panel};
+use super::plot;
+use crate::chart::Panel;
 use crate::out::{out, outln};
 use crate::report::table;
 use crate::style;
@@ -71,13 +71,32 @@ impl Show {
                     promp.weight_mean().as_slice().chunks_exact(promp.basis().count()).collect();
                 (PROBABILISTIC, serde_json::to_value(promp.basis())?, weights)
             }
+            Primitive::Kernelised(movement) => {
+                let settings = movement.settings();
+                let settings = serde_json::json!({
+                    "points": movement.reference().points().len(),
+                    "mean_regularisation": settings.mean_regularisation,
+                    "covariance_regularisation": settings.covariance_regularisation,
+                    "length": settings.length,
+                });
+                (KERNELISED, settings, Vec::new())
+            }
+            Primitive::Polynomial(movement) => {
+                let weights: Vec<&[f64]> =
+                    movement.weights().as_slice().chunks_exact(movement.degree() + 1).collect();
+                (POLYNOMIAL, serde_json::json!({ "degree": movement.degree() }), weights)
+            }
         };
-        let dimensions = file.names.iter().enumerate().map(|(d, name)| Dimension {
-            name,
-            start: file.start[d],
-            goal: file.goal[d],
-            weights: weights[d].len(),
-            largest_weight: weights[d].iter().fold(0.0, |largest: f64, weight| largest.max(weight.abs())),
+        let dimensions = file.names.iter().enumerate().map(|(d, name)| {
+            // a kernelised primitive has a reference in their place
+            let weights = weights.get(d).copied().unwrap_or_default();
+            Dimension {
+                name,
+                start: file.start[d],
+                goal: file.goal[d],
+                weights: weights.len(),
+                largest_weight: weights.iter().fold(0.0, |largest: f64, weight| largest.max(weight.abs())),
+            }
         });
         let report = Report {
             kind: file.primitive.kind(),
@@ -98,6 +117,8 @@ impl Show {
 
 const RHYTHMIC: &str = "tau^2 y'' = K (g - y) - D tau y' + r f, tau phi' = 1, f = sum(psi_i w_i) / sum(psi_i), psi_i = exp(h (cos(phi - c_i) - 1))";
 const PROBABILISTIC: &str = "y(p) = Phi(p) w + e, w ~ N(mu, Sigma), e ~ N(0, s^2 I)";
+const KERNELISED: &str = "m(p) = k(p) (K + lambda_1 S)^-1 mu, k(p, p') = exp(-(p - p')^2 / l), mu and S of a Gaussian mixture regression";
+const POLYNOMIAL: &str = "y(p) = sum_k w_k p^k";
 
 fn equation(model: &DmpModel) -> &'static str {
     match model.settings().variant {
@@ -123,16 +144,11 @@ fn panels(file: &PrimitiveFile) -> anyhow::Result<Vec<Panel>> {
     let trajectory = roll_out(file, &wish, file.duration / SAMPLES as f64)?;
     let mut panels = Vec::new();
     for (d, name) in file.names.iter().enumerate() {
-        let mut panel = Panel::new(name);
-        panel.trajectory(&trajectory, d);
-        panels.push(panel);
+        panels.push(plot::dimension(name, std::slice::from_ref(&trajectory), d));
         let forcing: Option<Vec<(f64, f64)>> = match &file.primitive {
             Primitive::Discrete(model) => Some(discrete_forcing(model, file.duration, d, SAMPLES)),
             Primitive::Rhythmic(model) => Some(rhythmic_forcing(model, file.duration, d, SAMPLES)),
-            Primitive::Probabilistic(promp) => {
-                debug_assert!(d < ProMp::dimensions(promp));
-                None
-            }
+            Primitive::Probabilistic(_) | Primitive::Kernelised(_) | Primitive::Polynomial(_) => None,
         };
         if let Some(forcing) = forcing {
             let mut panel = Panel::new(&format!("forcing of {name}"));

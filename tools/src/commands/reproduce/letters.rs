@@ -23,7 +23,7 @@ pub(super) fn figures(
     seen: &Recordings,
     held: &Recordings,
     spring: SampledSpring,
-) -> anyhow::Result<MotionLibrary> {
+) -> anyhow::Result<()> {
     let force = MotionLibrary::build(seen, spring, Metric::Force, Truncation::All)?;
     let position = MotionLibrary::build(seen, spring, Metric::Position, Truncation::All)?;
     writer.bar.inc(2);
@@ -32,8 +32,7 @@ pub(super) fn figures(
     reproduction(writer, &force, held)?;
     kernels_of_eigenforces(writer, &force)?;
     bases(writer, &force, &position, held)?;
-    recognition(writer, &force, held)?;
-    Ok(force)
+    recognition(writer, &force, held)
 }
 
 fn spectrum(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Result<()> {

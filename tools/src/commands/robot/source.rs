@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use motorium_robots::{
-    BaseMode, LoadError, LoadOptions, Loaded, MimicMode, PackagePath, Position, ProfileChoice, load_with,
+    BaseMode, LoadError, LoadOptions, Loaded, MimicMode, PackagePath, Position, ProfileChoice, ShapeSource,
+    load_with,
 };
 
 use crate::failure::Failure;
@@ -31,18 +32,24 @@ pub(super) struct RobotArgs {
 impl RobotArgs {
     /// Loads the robot relative to the current folder.
     pub(super) fn load(&self, mimic: MimicMode) -> Result<Loaded, LoadError> {
-        self.load_with(mimic, ProfileChoice::Own)
+        self.load_with(mimic, ProfileChoice::Own, ShapeSource::Collision)
     }
 
-    /// The same with another profile, or without one.
-    fn load_with(&self, mimic: MimicMode, profile: ProfileChoice) -> Result<Loaded, LoadError> {
+    /// The same with another profile, or without one, or with other shapes.
+    fn load_with(
+        &self,
+        mimic: MimicMode,
+        profile: ProfileChoice,
+        shapes: ShapeSource,
+    ) -> Result<Loaded, LoadError> {
         let base = match (self.floating_base, self.fixed_base) {
             (true, _) => BaseMode::Floating,
             (_, true) => BaseMode::Fixed,
             _ => BaseMode::AsFile,
         };
         let packages = PackagePath { folders: self.package_path.clone(), prefixes: Vec::new() };
-        load_with(&self.robot, Path::new(""), &LoadOptions { base, mimic, packages, profile })
+        let options = LoadOptions { base, mimic, packages, profile, shapes };
+        load_with(&self.robot, Path::new(""), &options)
     }
 
     /// Loads the robot; what is wrong with it goes to standard error, and the error is then the exit code.
@@ -52,11 +59,19 @@ impl RobotArgs {
 
     /// The same with another profile, or without one.
     pub(super) fn open_with(&self, mimic: MimicMode, profile: ProfileChoice) -> Result<Loaded, ExitCode> {
-        self.load_with(mimic, profile).map_err(|error| {
-            errln!("{}: {}", style::error("error"), explain(&error));
-            Failure::of_error(&error).print_json()
-        })
+        self.load_with(mimic, profile, ShapeSource::Collision).map_err(|error| refused(&error))
     }
+
+    /// The robot with the shapes of its visuals.
+    pub(super) fn open_visual(&self, mimic: MimicMode) -> Result<Loaded, ExitCode> {
+        self.load_with(mimic, ProfileChoice::Own, ShapeSource::Visual).map_err(|error| refused(&error))
+    }
+}
+
+/// Says what is wrong with a robot; the exit code for that.
+fn refused(error: &LoadError) -> ExitCode {
+    errln!("{}: {}", style::error("error"), explain(error));
+    Failure::of_error(error).print_json()
 }
 
 /// The message, with the place in the file where there is one.

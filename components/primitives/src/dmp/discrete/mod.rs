@@ -107,8 +107,9 @@ impl DiscreteDmp {
 
     /// Starts in motion, from `position`, `velocity` (per second) and `acceleration` (per second squared).
     ///
-    /// Only the variants with a quintic goal begin with that acceleration (and what the forcing term adds at its start,
-    /// which a fit keeps near zero); the others begin with the one their spring has.
+    /// Only the variants with a quintic goal begin with that acceleration, plus what the forcing term adds at its start: a
+    /// fit puts the acceleration at the start of its demonstrations there, so that a movement started with zeros follows
+    /// them. The others begin with the acceleration of their spring.
     ///
     /// # Errors
     /// As [`Self::start`].

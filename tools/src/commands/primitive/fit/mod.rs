@@ -12,14 +12,17 @@ use motorium_primitives::dmp::{
     Demonstration, DmpModel, Regression, RhythmicModel, RhythmicSettings, Scaling, Settings, Variant,
 };
 use motorium_primitives::file::PrimitiveFile;
+use motorium_primitives::kmp::{KernelisedFit, KernelisedMovement};
 use motorium_primitives::promp::{Learning, ProMp, ProMpBasis, ProMpFit};
+use motorium_primitives::regression::PolynomialMovement;
 use motorium_primitives::rollout::{Trajectory, reproduce};
 use motorium_recordings::{Recording, Selection};
 use nalgebra::DMatrix;
 
 use report::{Report, text};
 
-use super::plot::{self, Panel};
+use super::plot;
+use crate::chart::Panel;
 use crate::out::{out, outln};
 
 /// Fit a movement primitive to recordings of one movement: CSV, JSON or JSON lines.
@@ -35,7 +38,7 @@ pub(super) struct Fit {
     /// Type of primitive; discrete if not given
     #[arg(
         long, value_enum, default_value_t = Model::Discrete, hide_default_value = true, hide_possible_values = true,
-        value_name = "discrete|rhythmic|probabilistic"
+        value_name = "discrete|rhythmic|probabilistic|kernelised|polynomial"
     )]
     model: Model,
     /// The equation of a discrete primitive; quintic-goal if not given
@@ -46,9 +49,16 @@ pub(super) struct Fit {
         value_name = "quintic-goal|final-velocity|classic|goal-safe"
     )]
     variant: Option<VariantArg>,
-    /// Number of kernels or basis functions for each dimension; 30 if not given
-    #[arg(long, value_name = "N", default_value_t = 30, hide_default_value = true)]
-    kernels: usize,
+    /// Number of kernels or basis functions for each dimension; 30 if not given. Of a kernelised primitive: of reference
+    /// points; 50 if not given
+    #[arg(long, value_name = "N")]
+    kernels: Option<usize>,
+    /// Gaussians of the mixture behind a kernelised primitive; as many as its criterion (BIC) chooses if not given
+    #[arg(long, value_name = "N")]
+    components: Option<usize>,
+    /// Degree of a polynomial; 5 if not given
+    #[arg(long, value_name = "N")]
+    degree: Option<usize>,
     /// Method of regression; ridge (of a distribution: by EM) if not given
     #[arg(long, value_enum, hide_possible_values = true, value_name = "ridge|locally-weighted|response")]
     regression: Option<RegressionArg>,
@@ -89,12 +99,18 @@ pub(super) struct Fit {
 
 /// Of ridge and response regression.
 const PENALTY: f64 = 1e-12;
+/// For each dimension.
+const KERNELS: usize = 30;
+/// Of a polynomial: that of a minimum-jerk movement.
+const DEGREE: usize = 5;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Model {
     Discrete,
     Rhythmic,
     Probabilistic,
+    Kernelised,
+    Polynomial,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -135,6 +151,8 @@ impl Fit {
             Model::Discrete => self.discrete(&shown)?,
             Model::Rhythmic => self.rhythmic(&shown)?,
             Model::Probabilistic => self.probabilistic(&shown)?,
+            Model::Kernelised => self.kernelised(&shown)?,
+            Model::Polynomial => self.polynomial(&shown)?,
         };
         let reproduced = reproduce(&file, &shown.demonstrations)
             .context("the primitive does not reproduce what it was shown")?;
@@ -157,7 +175,7 @@ impl Fit {
     fn check(&self) -> anyhow::Result<()> {
         let discrete = self.model == Model::Discrete;
         let penalised = match self.regression {
-            None => self.model != Model::Probabilistic,
+            None => !matches!(self.model, Model::Probabilistic | Model::Kernelised),
             Some(regression) => !matches!(regression, RegressionArg::LocallyWeighted),
         };
         for (given, option, holds) in [
@@ -165,6 +183,14 @@ impl Fit {
             (self.scaling.is_some(), "--scaling", discrete),
             (self.periods.is_some(), "--periods", self.model == Model::Rhythmic),
             (self.penalty.is_some(), "--penalty", penalised),
+            (
+                self.regression.is_some(),
+                "--regression",
+                !matches!(self.model, Model::Kernelised | Model::Polynomial),
+            ),
+            (self.kernels.is_some(), "--kernels", self.model != Model::Polynomial),
+            (self.components.is_some(), "--components", self.model == Model::Kernelised),
+            (self.degree.is_some(), "--degree", self.model == Model::Polynomial),
         ] {
             if given && !holds {
                 bail!(
@@ -211,9 +237,7 @@ impl Fit {
         let demonstrations = shown
             .demonstrations
             .iter()
-            .map(|(duration, positions)| {
-                Ok(Demonstration::from_positions(*duration, positions.clone())?.unaccelerated_at_its_ends())
-            })
+            .map(|(duration, positions)| Ok(Demonstration::from_positions(*duration, positions.clone())?))
             .collect::<anyhow::Result<Vec<_>>>()?;
         let settings = Settings {
             variant: match self.variant.unwrap_or(VariantArg::QuinticGoal) {
@@ -227,7 +251,7 @@ impl Fit {
                 ScalingArg::Displacement => Scaling::Displacement { limit: 10.0 },
                 ScalingArg::Similarity => Scaling::Similarity { limit: 10.0 },
             },
-            kernels: self.kernels,
+            kernels: self.kernels.unwrap_or(KERNELS),
             ..Settings::default()
         };
         let regression = match self.regression.unwrap_or(RegressionArg::Ridge) {
@@ -240,7 +264,8 @@ impl Fit {
     }
 
     fn rhythmic(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
-        let settings = RhythmicSettings { kernels: self.kernels, ..RhythmicSettings::default() };
+        let settings =
+            RhythmicSettings { kernels: self.kernels.unwrap_or(KERNELS), ..RhythmicSettings::default() };
         let periods: Vec<DMatrix<f64>> =
             shown.demonstrations.iter().map(|(_, period)| period.clone()).collect();
         let model = match self.regression.unwrap_or(RegressionArg::Ridge) {
@@ -252,8 +277,6 @@ impl Fit {
     }
 
     fn probabilistic(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
-        let positions: Vec<DMatrix<f64>> =
-            shown.demonstrations.iter().map(|(_, positions)| positions.clone()).collect();
         let learning = match self.regression {
             None => ProMpFit::default().learning,
             Some(RegressionArg::Ridge) => Learning::Ridge { lambda: self.penalty.unwrap_or(PENALTY) },
@@ -262,9 +285,9 @@ impl Fit {
             ),
         };
         let bar = progress_bar(!self.json);
-        let basis = ProMpBasis::gaussian(self.kernels, 0.7)?;
+        let basis = ProMpBasis::gaussian(self.kernels.unwrap_or(KERNELS), 0.7)?;
         let fit = ProMpFit { learning, ..ProMpFit::default() };
-        let promp = ProMp::fit_with_progress(basis, &positions, &fit, |part| {
+        let promp = ProMp::fit_with_progress(basis, &positions(shown), &fit, |part| {
             bar.set_position((part * 1000.0) as u64);
         });
         bar.finish_and_clear();
@@ -272,23 +295,37 @@ impl Fit {
         promp.set_duration(shown.duration)?;
         Ok(PrimitiveFile::probabilistic(shown.names.clone(), promp))
     }
+
+    fn kernelised(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
+        let usual = KernelisedFit::default();
+        let points = self.kernels.unwrap_or(usual.points);
+        let fit = KernelisedFit { components: self.components, points, ..usual };
+        let movement = KernelisedMovement::fit(&positions(shown), shown.duration, &fit)?;
+        Ok(PrimitiveFile::kernelised(shown.names.clone(), movement)?)
+    }
+
+    fn polynomial(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
+        let (degree, lambda) = (self.degree.unwrap_or(DEGREE), self.penalty.unwrap_or(PENALTY));
+        let movement = PolynomialMovement::fit(&positions(shown), shown.duration, degree, lambda)?;
+        Ok(PrimitiveFile::polynomial(shown.names.clone(), movement))
+    }
+}
+
+fn positions(shown: &Shown) -> Vec<DMatrix<f64>> {
+    shown.demonstrations.iter().map(|(_, positions)| positions.clone()).collect()
 }
 
 fn panels(shown: &Shown, reproduced: &[Trajectory]) -> Vec<Panel> {
-    let mut panels = Vec::new();
-    for (d, name) in shown.names.iter().enumerate() {
-        let mut panel = Panel::new(name);
+    let of = |(d, name): (usize, &String)| {
+        let mut panel = plot::dimension(name, reproduced, d);
         for (duration, positions) in &shown.demonstrations {
             let last = (positions.nrows() - 1) as f64;
             let line = (0..positions.nrows()).map(|k| (duration * k as f64 / last, positions[(k, d)]));
-            panel.demonstration(line.collect());
+            panel.recorded(line.collect());
         }
-        for trajectory in reproduced {
-            panel.trajectory(trajectory, d);
-        }
-        panels.push(panel);
-    }
-    panels
+        panel
+    };
+    shown.names.iter().enumerate().map(of).collect()
 }
 
 /// A bar on a terminal, nothing elsewhere.

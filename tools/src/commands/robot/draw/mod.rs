@@ -21,7 +21,8 @@ use pose::PoseArgs;
 
 /// Draw a robot in a pose as an SVG picture: its shapes, shaded, and its frames.
 ///
-/// Shapes are those of the collision geometry, meshes their convex hulls; links that have none are sticks.
+/// Shapes are those of the collision geometry, meshes their convex hulls; links that have none are sticks. With `--visual`
+/// they are the visuals, whose meshes are drawn as they are, a little coarser.
 ///
 /// Example: motorium robot draw panda --view 30,20 --output out/panda.svg
 #[derive(Debug, clap::Args)]
@@ -42,6 +43,9 @@ pub(super) struct Draw {
     /// Mark the centre of mass
     #[arg(long)]
     com: bool,
+    /// Draw the visuals, with their meshes, in place of the collision geometry
+    #[arg(long)]
+    visual: bool,
     /// Leave out the ground and the shadow
     #[arg(long)]
     no_ground: bool,
@@ -71,7 +75,11 @@ fn size(text: &str) -> Result<(f64, f64), String> {
 
 impl Draw {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
-        let robot = match self.robot.open(MimicMode::Follow) {
+        let opened = match self.visual {
+            true => self.robot.open_visual(MimicMode::Follow),
+            false => self.robot.open(MimicMode::Follow),
+        };
+        let robot = match opened {
             Ok(robot) => robot,
             Err(code) => return Ok(code),
         };
@@ -79,7 +87,7 @@ impl Draw {
         let q = self.pose.configuration(&robot)?;
         let mut kinematics = Kinematics::new(model);
         kinematics.update(model, &q);
-        let scene = scene::Scene::of(&robot, &kinematics, &super::urdf_text::text(&robot)?);
+        let scene = scene::Scene::of(&robot, &kinematics, &super::urdf_text::text(&robot)?, self.visual);
         let marks = marks::Marks {
             frames: marks::frames(&robot, &kinematics, self.frames),
             names: self.names,

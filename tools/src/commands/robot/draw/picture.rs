@@ -27,13 +27,12 @@ pub(super) fn svg(name: &str, scene: &Scene, marks: &Marks, camera: &Camera, gro
     if ground && camera.eye.z > 0.05 {
         self::ground(scene, camera, &mut text);
     }
-    let _ = writeln!(
-        text,
-        r#"<g fill="currentColor" stroke="currentColor" stroke-width="0.6" stroke-linejoin="round">"#
-    );
+    let _ = writeln!(text, r#"<g stroke-width="0.6" stroke-linejoin="round">"#);
     for face in back_to_front(scene.visible(&camera.eye), &camera.eye) {
         let colour = shade(&face, &camera.eye);
-        let _ = writeln!(text, r#"<path color="{colour}" d="{}"/>"#, path(&face.points, camera));
+        // A fill of its own: not every program knows `currentColor`.
+        let outline = path(&face.points, camera);
+        let _ = writeln!(text, r#"<path fill="{colour}" stroke="{colour}" d="{outline}"/>"#);
     }
     text += "</g>\n";
     overlay(marks, camera, &mut text);

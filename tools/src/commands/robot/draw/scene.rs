@@ -17,10 +17,10 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    /// The robot as `kinematics` has placed it; `urdf` is its text.
-    pub(super) fn of(robot: &Loaded, kinematics: &Kinematics, urdf: &str) -> Self {
+    /// The robot as `kinematics` has placed it; `urdf` is its text. Meshes are hulls unless they are those of visuals.
+    pub(super) fn of(robot: &Loaded, kinematics: &Kinematics, urdf: &str, visual: bool) -> Self {
         let model = &robot.model;
-        let mut painter = Painter { colours: LinkColours::of_urdf(urdf), used: BTreeMap::new() };
+        let mut painter = Painter { colours: LinkColours::of_urdf(urdf), used: BTreeMap::new(), visual };
         let mut solids = Vec::new();
         let root = model.frames().iter().find(|frame| frame.body.is_none() && !frame.in_world);
         let base = root.and_then(|frame| {
@@ -92,6 +92,8 @@ struct Painter {
     colours: LinkColours,
     /// Number of shapes of each link painted so far.
     used: BTreeMap<String, usize>,
+    /// Meshes are drawn as they are.
+    visual: bool,
 }
 
 impl Painter {
@@ -102,7 +104,7 @@ impl Painter {
             let place = self.used.entry(shape.link.clone()).or_default();
             let colour = self.colours.of_shape(&shape.link, *place, body);
             *place += 1;
-            if let Some(form) = Form::of(&shape.geometry) {
+            if let Some(form) = Form::of(&shape.geometry, self.visual) {
                 solids.push(Solid { pose: pose * shape.placement, form, colour });
             }
         }

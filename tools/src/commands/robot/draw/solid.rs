@@ -1,5 +1,6 @@
-//! Primitives, and the hulls of meshes, as convex bodies with flat faces.
+//! Primitives, and meshes or their hulls, as bodies with flat faces.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{PI, TAU};
 
 use motorium_robots::{Geometry, TriangleMesh};
@@ -11,7 +12,13 @@ const ROUND: usize = 20;
 /// Largest number of corners of a mesh's hull: more are not visible.
 const CORNERS: usize = 100;
 
-/// A convex body in the world.
+/// Cells along the longest side of a mesh that is drawn as it is.
+const CELLS: f64 = 40.0;
+
+/// Triangles of a mesh that is not made coarser.
+const FEW: usize = 1000;
+
+/// A body in the world, convex but for meshes of visuals.
 #[derive(Debug, Clone)]
 pub(super) struct Solid {
     pub(super) pose: Isometry3<f64>,
@@ -25,16 +32,25 @@ pub(super) struct Solid {
 pub(super) enum Form {
     Primitive(Geometry),
     Hull(TriangleMesh),
+    /// A mesh that need not be convex.
+    Mesh(TriangleMesh),
 }
 
 impl Form {
-    /// Of a shape; `None` for a mesh that cannot be read or is flat.
-    pub(super) fn of(geometry: &Geometry) -> Option<Self> {
-        let Geometry::Mesh { path, scale, .. } = geometry else {
+    /// Of a shape, a mesh as its hull unless it is wanted `whole`; `None` for one that cannot be read or is flat.
+    pub(super) fn of(geometry: &Geometry, whole: bool) -> Option<Self> {
+        let Geometry::Mesh { path, inline, scale, .. } = geometry else {
             return Some(Self::Primitive(geometry.clone()));
         };
-        let mesh = TriangleMesh::read(path.as_ref()?).ok()?;
-        Some(Self::Hull(mesh.scaled(scale).hull(CORNERS)?))
+        let mesh = match inline {
+            Some(mesh) => TriangleMesh::clone(mesh),
+            None => TriangleMesh::read(path.as_ref()?).ok()?,
+        };
+        let mesh = mesh.scaled(scale);
+        if whole {
+            return Some(Self::Mesh(coarser(&mesh)));
+        }
+        Some(Self::Hull(mesh.hull(CORNERS)?))
     }
 }
 
@@ -51,7 +67,7 @@ impl Solid {
     pub(super) fn faces(&self) -> Vec<Face> {
         let outlines = match &self.form {
             Form::Primitive(geometry) => primitive(geometry),
-            Form::Hull(hull) => triangles(hull).map(Vec::from).collect(),
+            Form::Hull(mesh) | Form::Mesh(mesh) => triangles(mesh).map(Vec::from).collect(),
         };
         let face = |points: Vec<Point3<f64>>| {
             let points: Vec<_> = points.iter().map(|point| self.pose * point).collect();
@@ -72,6 +88,7 @@ impl Solid {
                     (b - a).cross(&(c - a)).try_normalize(0.0).is_none_or(|out| out.dot(&(p - a)) < -margin)
                 });
             }
+            Form::Mesh(_) => return false,
         };
         match geometry {
             Geometry::Box { size } => (0..3).all(|i| p[i].abs() < size[i] / 2.0 - margin),
@@ -104,6 +121,41 @@ fn primitive(geometry: &Geometry) -> Vec<Vec<Point3<f64>>> {
 fn triangles(hull: &TriangleMesh) -> impl Iterator<Item = [Point3<f64>; 3]> {
     let corner = |index: u32| Point3::from(hull.points[index as usize]);
     hull.triangles.iter().map(move |triangle| triangle.map(corner))
+}
+
+/// A mesh whose corners within one cell of a grid are one, at their mean: triangles smaller than a cell are not visible.
+fn coarser(mesh: &TriangleMesh) -> TriangleMesh {
+    let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    for point in &mesh.points {
+        (low, high) = (low.inf(point), high.sup(point));
+    }
+    let cell = (high - low).max() / CELLS;
+    if mesh.triangles.len() < FEW || cell <= 0.0 {
+        return mesh.clone();
+    }
+    let mut cells: BTreeMap<[i64; 3], u32> = BTreeMap::new();
+    let (mut sums, mut counts): (Vec<Vector3<f64>>, Vec<f64>) = (Vec::new(), Vec::new());
+    let mut cell_of = |point: &Vector3<f64>| {
+        let key = (point - low).map(|x| (x / cell).floor() as i64).into();
+        let index = *cells.entry(key).or_insert(counts.len() as u32);
+        if index as usize == counts.len() {
+            sums.push(Vector3::zeros());
+            counts.push(0.0);
+        }
+        sums[index as usize] += point;
+        counts[index as usize] += 1.0;
+        index
+    };
+    let of_points: Vec<u32> = mesh.points.iter().map(&mut cell_of).collect();
+    let mut seen = BTreeSet::new();
+    let triangles = mesh.triangles.iter().map(|triangle| triangle.map(|corner| of_points[corner as usize]));
+    let triangles = triangles.filter(|[a, b, c]| {
+        let mut sorted = [*a, *b, *c];
+        sorted.sort_unstable();
+        a != b && b != c && c != a && seen.insert(sorted)
+    });
+    let triangles = triangles.collect();
+    TriangleMesh { points: sums.iter().zip(&counts).map(|(sum, count)| sum / *count).collect(), triangles }
 }
 
 /// Newell's normal; `None` where there is no area.
@@ -240,10 +292,11 @@ mod tests {
         let mesh = |path: Option<std::path::PathBuf>| Geometry::Mesh {
             uri: "part.obj".to_owned(),
             path,
+            inline: None,
             scale: Vector3::new(1.0, 1.0, 2.0),
         };
-        assert!(Form::of(&mesh(None)).is_none());
-        let form = Form::of(&mesh(Some(path))).unwrap();
+        assert!(Form::of(&mesh(None), false).is_none());
+        let form = Form::of(&mesh(Some(path)), false).unwrap();
         let solid = Solid { pose: Isometry3::translation(5.0, 0.0, 0.0), form, colour: [1.0; 3] };
         let faces = solid.faces();
         assert_eq!(faces.len(), 4);

@@ -1,0 +1,163 @@
+//! Pictures of letters from files: portable grey maps (PGM), text or binary.
+
+use std::path::{Path, PathBuf};
+
+use super::picture::{EXTENT, PIXELS, Picture};
+
+/// Largest side of a picture that is read, px.
+const LARGEST: usize = 4096;
+
+/// A file that is no picture of a letter.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// The file system refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// Error of the system.
+        source: std::io::Error,
+    },
+    /// Another format, or a file that contradicts itself.
+    #[error("{}: {problem}, expected a portable grey map (PGM: P2 or P5)", path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A picture of one grey.
+    #[error("{}: it shows nothing: all pixels are alike", path.display())]
+    Blank {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+impl Picture {
+    /// Reads a picture of a letter, brought to the size and the place in which letters are learned. The ink is what differs
+    /// from the corners: dark on light or light on dark.
+    ///
+    /// # Errors
+    /// The file cannot be read, is no grey map, or shows nothing.
+    pub fn read(path: &Path) -> Result<Self, ImageError> {
+        let bytes =
+            std::fs::read(path).map_err(|source| ImageError::Io { path: path.to_path_buf(), source })?;
+        let grey =
+            parse(&bytes).map_err(|problem| ImageError::Format { path: path.to_path_buf(), problem })?;
+        grey.normalised().ok_or_else(|| ImageError::Blank { path: path.to_path_buf() })
+    }
+
+    /// The picture as the bytes of a binary PGM file, light on dark.
+    pub fn to_pgm(&self) -> Vec<u8> {
+        let mut bytes = format!("P5\n{PIXELS} {PIXELS}\n255\n").into_bytes();
+        bytes.extend(self.0.iter().map(|grey| (255.0 * grey.clamp(0.0, 1.0)).round() as u8));
+        bytes
+    }
+}
+
+/// Grey values of a file, row by row from the top, 0 to 1.
+struct Grey {
+    width: usize,
+    values: Vec<f64>,
+}
+
+fn parse(bytes: &[u8]) -> Result<Grey, String> {
+    let binary = match bytes.get(..2) {
+        Some(b"P5") => true,
+        Some(b"P2") => false,
+        _ => return Err("it begins with neither P2 nor P5".to_owned()),
+    };
+    let mut at = 2;
+    let mut number = || -> Result<usize, String> {
+        loop {
+            match bytes.get(at) {
+                Some(b'#') => at += bytes[at..].iter().take_while(|byte| **byte != b'\n').count(),
+                Some(byte) if byte.is_ascii_whitespace() => at += 1,
+                _ => break,
+            }
+        }
+        let digits = bytes[at.min(bytes.len())..].iter().take_while(|byte| byte.is_ascii_digit()).count();
+        let text = String::from_utf8_lossy(&bytes[at.min(bytes.len())..][..digits]).into_owned();
+        at += digits;
+        text.parse().map_err(|_| format!("no number at byte {at}"))
+    };
+    let (width, height, most) = (number()?, number()?, number()?);
+    if !(1..=LARGEST).contains(&width) || !(1..=LARGEST).contains(&height) || !(1..=65535).contains(&most) {
+        return Err(format!("{width} x {height} pixels of {most} greys"));
+    }
+    let count = width * height;
+    let mut values = Vec::with_capacity(count);
+    if binary {
+        let size = if most > 255 { 2 } else { 1 };
+        let pixels = bytes.get(at + 1..).unwrap_or_default();
+        if pixels.len() < count * size {
+            return Err(format!("it ends after {} of {} bytes of pixels", pixels.len(), count * size));
+        }
+        values.extend(pixels.chunks_exact(size).take(count).map(|pixel| {
+            f64::from(pixel.iter().fold(0_u32, |value, byte| 256 * value + u32::from(*byte))) / most as f64
+        }));
+    } else {
+        for _ in 0..count {
+            values.push(number()? as f64 / most as f64);
+        }
+    }
+    Ok(Grey { width, values })
+}
+
+impl Grey {
+    /// Its ink, 0 to 1, in the middle of a picture in which its larger side is that of a learned letter.
+    fn normalised(&self) -> Option<Picture> {
+        let (width, height) = (self.width, self.values.len() / self.width);
+        let corners =
+            [0, width - 1, (height - 1) * width, height * width - 1].map(|corner| self.values[corner]);
+        let paper = corners.iter().sum::<f64>() / 4.0;
+        let ink: Vec<f64> = self.values.iter().map(|value| (value - paper).abs()).collect();
+        let darkest = ink.iter().copied().fold(0.0, f64::max);
+        if darkest < 1e-3 {
+            return None;
+        }
+        // The edge of the ink: half of the darkest grey.
+        let inked = |row: usize, column: usize| ink[row * width + column] > 0.5 * darkest;
+        let (mut rows, mut columns) = ((usize::MAX, 0), (usize::MAX, 0));
+        for row in 0..height {
+            for column in (0..width).filter(|column| inked(row, *column)) {
+                rows = (rows.0.min(row), rows.1.max(row));
+                columns = (columns.0.min(column), columns.1.max(column));
+            }
+        }
+        let side = (rows.1 - rows.0).max(columns.1 - columns.0).max(1) as f64;
+        let step = side / EXTENT;
+        let middle = [rows, columns].map(|(low, high)| 0.5 * (low + high) as f64);
+        // Each pixel is the mean over its part of the file, or lies between its pixels where these are larger.
+        let fine = (step.ceil() as usize).clamp(1, 32);
+        let mut pixels = Vec::with_capacity(PIXELS * PIXELS);
+        for row in 0..PIXELS {
+            for column in 0..PIXELS {
+                let mut sum = 0.0;
+                for (a, b) in (0..fine).flat_map(|a| (0..fine).map(move |b| (a, b))) {
+                    let part = |k: usize| (k as f64 + 0.5) / fine as f64 - 0.5;
+                    let at =
+                        |pixel: usize, part: f64| (pixel as f64 + part - 0.5 * (PIXELS - 1) as f64) * step;
+                    sum +=
+                        between(&ink, width, middle[0] + at(row, part(a)), middle[1] + at(column, part(b)));
+                }
+                pixels.push((sum / (fine * fine) as f64 / darkest) as f32);
+            }
+        }
+        Some(Picture(pixels))
+    }
+}
+
+/// The grey between four pixels; 0 outside.
+fn between(ink: &[f64], width: usize, row: f64, column: f64) -> f64 {
+    let height = ink.len() / width;
+    let at = |row: f64, column: f64| {
+        let inside = row >= 0.0 && column >= 0.0 && row < height as f64 && column < width as f64;
+        if inside { ink[row as usize * width + column as usize] } else { 0.0 }
+    };
+    let (r, c) = (row.floor(), column.floor());
+    let (y, x) = (row - r, column - c);
+    (1.0 - y) * ((1.0 - x) * at(r, c) + x * at(r, c + 1.0))
+        + y * ((1.0 - x) * at(r + 1.0, c) + x * at(r + 1.0, c + 1.0))
+}

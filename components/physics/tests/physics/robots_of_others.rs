@@ -1,0 +1,223 @@
+//! Every robot of the PyPI package `example-robot-data` holds its pose or stands for 2 s, with collision shapes, by the
+//! gains of its first profile alone. Skipped, with the reason, where the package is not on this machine.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use motorium::state::MAX_JOINTS;
+use motorium_physics::{
+    ArticulatedSimulator, BuildWarning, JointCommand, Options, RobotSetup, Simulator, World,
+};
+use motorium_robots::{
+    BaseMode, Dynamics, JointKind, LoadOptions, Loaded, Profile, ShapeSource, draft_profile, load_with,
+};
+use nalgebra::{DVector, Vector3};
+
+use crate::first_step::robots;
+use crate::legged::grounded;
+
+/// Robots that stand on the ground, by the beginnings of their paths. All others hold their pose with a fixed base: arms,
+/// hands, mobile bases without a floating joint, a biped on points (`bolt`), which no gains keep upright, and flying arms.
+const STANDING: [&str; 21] = [
+    "a1_",
+    "alex_",
+    "alexander_",
+    "anymal_",
+    "b1_",
+    "centauro_",
+    "g1_",
+    "go1_",
+    "go2_",
+    "hector_",
+    "human_",
+    "hyq_",
+    "icub_",
+    "iris_",
+    "laikago_",
+    "quadruped_",
+    "romeo_",
+    "simple_humanoid_",
+    "solo_",
+    "talos_data/robots/talos_full",
+    "talos_data/robots/talos_reduced",
+];
+
+/// Robots that fail, with a part of the reason.
+const FAILING: [(&str, &str); 0] = [];
+
+#[test]
+fn the_robots_of_the_package_hold_their_pose_or_stand_but_for_those_with_a_reason() {
+    let Some(folder) = robots() else { return };
+    let mut files = Vec::new();
+    find(&folder, &mut files);
+    files.sort();
+    let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                while let Some(file) = files.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let name = file.strip_prefix(&folder).unwrap().display().to_string();
+                    let outcome = trial(file, &name);
+                    outcomes.lock().unwrap().push((name, outcome));
+                }
+            });
+        }
+    });
+    let mut outcomes = outcomes.into_inner().unwrap();
+    outcomes.sort();
+    let mut surprises = Vec::new();
+    for (name, outcome) in &outcomes {
+        let known = FAILING.iter().find(|(file, _)| name.ends_with(file));
+        match (outcome, known) {
+            (Ok(what), None) => println!("ok    {name}: {what}"),
+            (Err(reason), Some((_, expected))) if reason.contains(expected) => {
+                println!("known {name}: {reason}")
+            }
+            (outcome, _) => surprises.push(format!("{name}: {outcome:?}")),
+        }
+    }
+    let passed = outcomes.iter().filter(|(_, outcome)| outcome.is_ok()).count();
+    println!("{passed} of {}", outcomes.len());
+    assert!(surprises.is_empty(), "{}", surprises.join("\n"));
+    assert!(passed >= 60, "{passed} of {}", outcomes.len());
+}
+
+/// Two seconds in physics; the words of the measurement, or the reason of the failure.
+fn trial(file: &Path, name: &str) -> Result<String, String> {
+    let free = STANDING.iter().any(|start| name.starts_with(start));
+    let base = if free { BaseMode::Floating } else { BaseMode::AsFile };
+    let options = LoadOptions { base, ..LoadOptions::default() };
+    let open = |shapes| {
+        let options = LoadOptions { shapes, ..options.clone() };
+        load_with(file.to_str().unwrap(), Path::new(""), &options).map_err(|error| error.to_string())
+    };
+    let mut robot = open(ShapeSource::Collision)?;
+    let bare = shapes(&robot) == 0;
+    if bare {
+        // As `motorium robot hulls` has it: the shapes that are seen collide.
+        robot = open(ShapeSource::Visual)?;
+    }
+    let (count, joints) = (shapes(&robot), robot.model.joint_count());
+    if count == 0 {
+        return Err("no shape to collide with".into());
+    }
+    if joints > MAX_JOINTS {
+        return Err(format!("{joints} joints, at most {MAX_JOINTS} fit"));
+    }
+    let source = if bare { "visuals" } else { "shapes" };
+    // Links without an inertia of their own need that of the rotors of their drives, which URDF files do not have.
+    let held = held(&robot, 0.0).or_else(|first| {
+        let more = held(&robot, ARMATURE).map_err(|second| {
+            if second == first { first } else { format!("{first}; with an armature {second}") }
+        });
+        more.map(|words| format!("with an armature {words}"))
+    });
+    held.map(|words| format!("{count} {source}, {words}"))
+}
+
+/// Inertia of a rotor at its joint \[kg m2\].
+const ARMATURE: f64 = 0.01;
+
+fn shapes(robot: &Loaded) -> usize {
+    let model = &robot.model;
+    model.base().shapes.len() + model.bodies().iter().map(|body| body.shapes.len()).sum::<usize>()
+}
+
+/// Holds a robot for two seconds.
+fn held(robot: &Loaded, armature: f64) -> Result<String, String> {
+    let (model, free) = (&robot.model, robot.model.base().floating);
+    let profile = Profile::parse(&draft_profile(robot)).map_err(|error| error.to_string())?;
+    let q = start(robot, &profile);
+    let setup = RobotSetup::of(robot).map_err(|error| error.to_string())?;
+    let world = if free { grounded(vec![]) } else { World::default() };
+    let options = Options { armature, ..Options::default() };
+    let simulation = ArticulatedSimulator::new(setup, world, q.as_slice(), options);
+    let mut simulation = simulation.map_err(|error| error.to_string())?;
+    let ignored = simulation.warnings().iter().find(|one| matches!(one, BuildWarning::ShapeIgnored { .. }));
+    if let Some(warning) = ignored {
+        return Err(warning.to_string());
+    }
+    // Not from rest, where a fixed robot in balance would not move at all.
+    let v: Vec<f64> =
+        (0..model.nv()).map(|i| if free { 0.0 } else { 0.1 * (1.0 + i as f64).sin() }).collect();
+    simulation.reset(q.as_slice(), &v).map_err(|error| error.to_string())?;
+    simulation.place_on_ground();
+    hold(&mut simulation, &profile);
+    let (before, pose) = (simulation.positions().to_vec(), simulation.base_pose());
+    for _ in 0..2000 {
+        simulation.step(1e-3).map_err(|error| error.to_string())?;
+    }
+    let mut worst = (0.0, String::new());
+    for (index, (now, before)) in simulation.positions().iter().zip(&before).enumerate() {
+        // A joint without a drive hangs as it likes; a joint that slides counts by centimetres.
+        let driven = model.effort_limit()[index] != 0.0;
+        let scale = if model.joint(index).kind == JointKind::Prismatic { 10.0 } else { 1.0 };
+        let moved = scale * (now - before).abs();
+        if driven && (moved > worst.0 || !moved.is_finite()) {
+            worst = (moved, model.joint_names()[index].clone());
+        }
+    }
+    let now = simulation.base_pose();
+    let sunk = pose.translation.z - now.translation.z;
+    let tilt = (now.rotation * Vector3::z()).angle(&(pose.rotation * Vector3::z()));
+    let mut words = format!("joints moved by {:.1e} ({})", worst.0, worst.1);
+    if free {
+        words += &format!(", sunk {sunk:.4} m, tilted {tilt:.4} rad");
+    }
+    let bound = if free { 0.2 } else { 0.05 };
+    let stands = !free || (sunk.abs() < 0.1 && tilt < 0.3 && simulation.contact_force().z > 0.0);
+    if worst.0 < bound && stands { Ok(words) } else { Err(words) }
+}
+
+/// A posture that the robot's makers name, or that of the profile; within the limits.
+fn start(robot: &Loaded, profile: &Profile) -> DVector<f64> {
+    let model = &robot.model;
+    let named = ["standing", "half_sitting", "homing_nominal", "default", "home", "neutral"];
+    let posture = named.iter().find_map(|name| robot.postures.iter().find(|one| one.name.starts_with(name)));
+    let Some(posture) = posture else { return profile.configuration(model, &profile.home).unwrap() };
+    let mut q = posture.configuration(model);
+    let offset = q.len() - model.joint_count();
+    for index in 0..model.joint_count() {
+        q[offset + index] = q[offset + index].clamp(model.lower()[index], model.upper()[index]);
+    }
+    q
+}
+
+/// Deflection at which a drive of a standing robot gives its full effort \[rad\], stiffer than in a first profile, which
+/// minds the feet in the air; and its damping, as a time \[s\].
+const STIFF: [f64; 2] = [0.02, 0.02];
+
+/// Holds the posture: a robot that is fixed to the world by the gains of its first profile and its weight by feed-forward,
+/// one that stands by stiff drives.
+fn hold(simulation: &mut ArticulatedSimulator, profile: &Profile) {
+    let model = simulation.model().clone();
+    let (q, home) = (simulation.configuration().to_vec(), simulation.positions().to_vec());
+    let gains = profile.gains(&model).unwrap();
+    let free = model.base().floating;
+    let mut weight = vec![0.0; model.nv()];
+    if !free {
+        Dynamics::new(&model).gravity(&model, &q, Vector3::new(0.0, 0.0, -9.81), &mut weight);
+    }
+    let first = model.nv() - model.joint_count();
+    for (index, command) in simulation.commands_mut().iter_mut().enumerate() {
+        let effort = model.effort_limit()[index];
+        let (kp, kd) = match free && effort > 0.0 && effort.is_finite() {
+            true => (effort / STIFF[0], effort / STIFF[0] * STIFF[1]),
+            false => (gains.kp[index], gains.kd[index]),
+        };
+        *command = JointCommand::hold(home[index], kp, kd);
+        command.effort = weight[first + index];
+    }
+}
+
+fn find(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            find(&path, found);
+        } else if path.extension().is_some_and(|extension| extension == "urdf") {
+            found.push(path);
+        }
+    }
+}

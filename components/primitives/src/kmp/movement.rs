@@ -1,0 +1,263 @@
+//! A kernelised movement over the phase.
+
+use nalgebra::{DMatrix, DVector};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Kmp, KmpError, KmpReference, KmpSettings, ReferencePoint};
+use crate::ValueError;
+use crate::gmm::{Gmm, GmmFit, Gmr};
+use crate::mean::MeanMovement;
+
+/// The settings of a fit; [`Default`] gives the values named on each field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KernelisedFit {
+    /// Gaussians of the mixture that gives the reference. Default: as many, 1 to 12, as the Bayesian information criterion
+    /// chooses.
+    pub components: Option<usize>,
+    /// Reference points, evenly spaced from start to end. Default 50.
+    pub points: usize,
+    /// The kernel and its regularisation. Default: `lambda_1` 0.1, `lambda_2` 1, and a kernel of 0.01, which falls to `1 / e`
+    /// within a tenth of the movement.
+    pub settings: KmpSettings,
+}
+
+impl Default for KernelisedFit {
+    fn default() -> Self {
+        let settings = KmpSettings { mean_regularisation: 0.1, covariance_regularisation: 1.0, length: 0.01 };
+        Self { components: None, points: 50, settings }
+    }
+}
+
+/// A movement as a kernelised primitive over the phase (0 at the start, 1 at the end), whose reference is a Gaussian mixture
+/// regression of demonstrations.
+///
+/// ```
+/// use motorium_primitives::kmp::{KernelisedFit, KernelisedMovement};
+/// use nalgebra::{DMatrix, DVector};
+///
+/// let shown = |offset: f64| DMatrix::from_fn(60, 1, |k, _| (3.0 * k as f64 / 59.0).sin() + offset);
+/// let movement =
+///     KernelisedMovement::fit(&[shown(-0.02), shown(0.0), shown(0.02)], 2.0, &KernelisedFit::default())?;
+/// let via = movement.conditioned(0.5, &DVector::from_element(1, 1.2), 1e-4)?;
+/// assert!((via.kmp()?.mean(&[0.5])?[0] - 1.2).abs() < 1e-2);
+/// # Ok::<(), motorium_primitives::kmp::KmpError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "StoredKernelised", into = "StoredKernelised")]
+pub struct KernelisedMovement {
+    reference: KmpReference,
+    settings: KmpSettings,
+    duration: f64,
+}
+
+/// A [`KernelisedMovement`] as it is written to a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StoredKernelised {
+    /// Seconds that a demonstration took.
+    pub duration: f64,
+    /// `lambda_1` of the mean.
+    pub mean_regularisation: f64,
+    /// `lambda_2` of the covariance.
+    pub covariance_regularisation: f64,
+    /// `l` of the kernel.
+    pub length: f64,
+    /// Phase of each point of the reference.
+    pub phases: Vec<f64>,
+    /// Mean of each point, one number a dimension.
+    pub means: Vec<Vec<f64>>,
+    /// Covariance of each point, row by row.
+    pub covariances: Vec<Vec<Vec<f64>>>,
+}
+
+impl KernelisedMovement {
+    /// Fits evenly spaced demonstrations (samples x dimensions each) of a mean duration (s).
+    ///
+    /// # Errors
+    /// No demonstration, different dimensions, fewer samples than components, settings out of range.
+    pub fn fit(
+        demonstrations: &[DMatrix<f64>],
+        duration: f64,
+        fit: &KernelisedFit,
+    ) -> Result<Self, KmpError> {
+        let dimensions = demonstrations.first().ok_or(KmpError::Empty)?.ncols();
+        if fit.points < 2 {
+            let (name, value) = ("points", fit.points as f64);
+            return Err(KmpError::Value(ValueError::OutOfRange { name, value, expected: "at least 2" }));
+        }
+        let rows = demonstrations.iter().map(DMatrix::nrows).sum();
+        let mut samples = DMatrix::zeros(rows, dimensions + 1);
+        let mut row = 0;
+        for shown in demonstrations {
+            if shown.ncols() != dimensions {
+                let (name, found) = ("a demonstration", shown.ncols());
+                return Err(KmpError::Value(ValueError::Size { name, found, expected: dimensions }));
+            }
+            for k in 0..shown.nrows() {
+                samples[(row, 0)] = k as f64 / (shown.nrows() - 1).max(1) as f64;
+                samples.view_mut((row, 1), (1, dimensions)).copy_from(&shown.row(k));
+                row += 1;
+            }
+        }
+        let settings = GmmFit::default();
+        let most = 12.min(rows / (dimensions + 2)).max(1);
+        let mixture = match fit.components {
+            Some(components) => Gmm::fit(&samples, components, &settings)?,
+            None => Gmm::choose(&samples, 1..=most, &settings)?,
+        };
+        let mut gmr = Gmr::new(&mixture.gmm, 1)?;
+        let phase = |k: usize| DVector::from_element(1, k as f64 / (fit.points - 1) as f64);
+        let inputs: Vec<DVector<f64>> = (0..fit.points).map(phase).collect();
+        Self::new(KmpReference::from_regression(&mut gmr, &inputs)?, fit.settings, duration)
+    }
+
+    /// From a reference over the phase.
+    ///
+    /// # Errors
+    /// Inputs that are no phases, settings out of range, a duration that is no positive time.
+    pub fn new(reference: KmpReference, settings: KmpSettings, duration: f64) -> Result<Self, KmpError> {
+        let refuse =
+            |name, value, expected| Err(KmpError::Value(ValueError::OutOfRange { name, value, expected }));
+        if !(duration > 0.0 && duration.is_finite()) {
+            return refuse("duration", duration, "a positive time");
+        }
+        for point in reference.points() {
+            if point.input.len() != 1 || !(0.0..=1.0).contains(&point.input[0]) {
+                return refuse("the phase of a reference point", point.input[0], "one number from 0 to 1");
+            }
+        }
+        let movement = Self { reference, settings, duration };
+        movement.kmp()?;
+        Ok(movement)
+    }
+
+    /// Number of dimensions.
+    pub fn dimensions(&self) -> usize {
+        self.reference.points()[0].mean.len()
+    }
+
+    /// Seconds that a demonstration took.
+    pub fn duration(&self) -> f64 {
+        self.duration
+    }
+
+    /// The reference.
+    pub fn reference(&self) -> &KmpReference {
+        &self.reference
+    }
+
+    /// The settings of the kernel.
+    pub fn settings(&self) -> KmpSettings {
+        self.settings
+    }
+
+    /// The primitive, ready to be asked.
+    ///
+    /// # Errors
+    /// A matrix that is not positive definite.
+    pub fn kmp(&self) -> Result<Kmp, KmpError> {
+        Kmp::new(&self.reference, self.settings)
+    }
+
+    /// The movement that passes a place at a phase, with a standard deviation.
+    ///
+    /// # Errors
+    /// A phase out of range, another number of dimensions, a deviation that is not positive.
+    pub fn conditioned(&self, phase: f64, place: &DVector<f64>, deviation: f64) -> Result<Self, KmpError> {
+        if !(0.0..=1.0).contains(&phase) {
+            let (name, expected) = ("phase", "0 to 1");
+            return Err(KmpError::Value(ValueError::OutOfRange { name, value: phase, expected }));
+        }
+        if !(deviation > 0.0 && deviation.is_finite()) {
+            let (name, expected) = ("deviation", "a positive number");
+            return Err(KmpError::Value(ValueError::OutOfRange { name, value: deviation, expected }));
+        }
+        let count = self.dimensions();
+        let mut reference = self.reference.clone();
+        let point = ReferencePoint {
+            input: DVector::from_element(1, phase),
+            mean: place.clone(),
+            covariance: DMatrix::identity(count, count) * deviation * deviation,
+        };
+        let spacing = 1.0 / (reference.points().len() - 1).max(1) as f64;
+        reference.insert(point, 0.6 * spacing)?;
+        Self::new(reference, self.settings, self.duration)
+    }
+
+    /// The mean in time, to be followed.
+    ///
+    /// # Errors
+    /// A matrix that is not positive definite.
+    pub fn running(&self) -> Result<KernelisedMean, KmpError> {
+        Ok(KernelisedMean { kmp: self.kmp()?, duration: self.duration })
+    }
+}
+
+/// The mean of a [`KernelisedMovement`], prepared to be followed.
+#[derive(Clone, Debug)]
+pub struct KernelisedMean {
+    kmp: Kmp,
+    duration: f64,
+}
+
+impl MeanMovement for KernelisedMean {
+    fn dimensions(&self) -> usize {
+        self.kmp.outputs()
+    }
+
+    fn duration(&self) -> f64 {
+        self.duration
+    }
+
+    fn mean_into(&mut self, phase: f64, position: &mut [f64], slope: &mut [f64]) {
+        self.kmp.mean_into(phase, position, slope);
+    }
+}
+
+impl From<KernelisedMovement> for StoredKernelised {
+    fn from(movement: KernelisedMovement) -> Self {
+        let points = movement.reference.points();
+        let rows =
+            |matrix: &DMatrix<f64>| matrix.row_iter().map(|row| row.iter().copied().collect()).collect();
+        Self {
+            duration: movement.duration,
+            mean_regularisation: movement.settings.mean_regularisation,
+            covariance_regularisation: movement.settings.covariance_regularisation,
+            length: movement.settings.length,
+            phases: points.iter().map(|point| point.input[0]).collect(),
+            means: points.iter().map(|point| point.mean.as_slice().to_vec()).collect(),
+            covariances: points.iter().map(|point| rows(&point.covariance)).collect(),
+        }
+    }
+}
+
+impl TryFrom<StoredKernelised> for KernelisedMovement {
+    type Error = KmpError;
+
+    fn try_from(stored: StoredKernelised) -> Result<Self, KmpError> {
+        let expected = stored.phases.len();
+        for (name, found) in [("means", stored.means.len()), ("covariances", stored.covariances.len())] {
+            if found != expected {
+                return Err(KmpError::Value(ValueError::Size { name, found, expected }));
+            }
+        }
+        let mut points = Vec::with_capacity(expected);
+        for ((phase, mean), rows) in stored.phases.iter().zip(stored.means).zip(stored.covariances) {
+            let size = rows.len();
+            if let Some(row) = rows.iter().find(|row| row.len() != size) {
+                let (name, found) = ("a row of a covariance", row.len());
+                return Err(KmpError::Value(ValueError::Size { name, found, expected: size }));
+            }
+            points.push(ReferencePoint {
+                input: DVector::from_element(1, *phase),
+                mean: DVector::from_vec(mean),
+                covariance: DMatrix::from_row_iterator(size, size, rows.into_iter().flatten()),
+            });
+        }
+        let StoredKernelised { duration, mean_regularisation, covariance_regularisation, length, .. } =
+            stored;
+        let settings = KmpSettings { mean_regularisation, covariance_regularisation, length };
+        Self::new(KmpReference::new(points)?, settings, duration)
+    }
+}

@@ -1,0 +1,166 @@
+//! The mean of a distribution over movements while it runs.
+
+use crate::ValueError;
+use crate::dmp::{Jet, Quintic};
+
+/// A movement over the phase (0 at the start, 1 at the end) of which the mean is known: [`ProMp`](crate::promp::ProMp),
+/// [`KernelisedMovement`](crate::kmp::KernelisedMovement), [`PolynomialMovement`](crate::regression::PolynomialMovement).
+pub trait MeanMovement: std::fmt::Debug {
+    /// Number of dimensions.
+    fn dimensions(&self) -> usize;
+
+    /// Seconds that the movement takes.
+    fn duration(&self) -> f64;
+
+    /// Writes the mean at a phase from 0 to 1, and its derivative with respect to the phase, one number a dimension each.
+    /// Allocates nothing.
+    fn mean_into(&mut self, phase: f64, position: &mut [f64], slope: &mut [f64]);
+}
+
+impl<M: MeanMovement + ?Sized> MeanMovement for Box<M> {
+    fn dimensions(&self) -> usize {
+        (**self).dimensions()
+    }
+
+    fn duration(&self) -> f64 {
+        (**self).duration()
+    }
+
+    fn mean_into(&mut self, phase: f64, position: &mut [f64], slope: &mut [f64]) {
+        (**self).mean_into(phase, position, slope);
+    }
+}
+
+/// A follower of a mean in time. Only [`new`](Self::new) allocates.
+///
+/// From where it is started, it goes over to the mean by a correction that dies out: the difference in position and
+/// velocity at the start fades over the first part of the movement on a quintic, so that there is no jump. To be exactly
+/// elsewhere later, condition the movement.
+///
+/// ```
+/// use motorium_primitives::mean::MeanRunner;
+/// use motorium_primitives::regression::PolynomialMovement;
+/// use nalgebra::DMatrix;
+///
+/// // 0 to 1 in 2 s along a cubic
+/// let shown = DMatrix::from_fn(101, 1, |k, _| {
+///     let p = k as f64 / 100.0;
+///     p * p * (3.0 - 2.0 * p)
+/// });
+/// let mut runner = MeanRunner::new(PolynomialMovement::fit(&[shown], 2.0, 3, 0.0)?);
+/// runner.start(&[0.0], &[0.0], 2.0)?;
+/// (0..1000).for_each(|_| runner.step(1e-3));
+/// assert!((runner.position()[0] - 0.5).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct MeanRunner<M> {
+    movement: M,
+    duration: f64,
+    elapsed: f64,
+    correction: Vec<Quintic>,
+    slope: Vec<f64>,
+    position: Vec<f64>,
+    velocity: Vec<f64>,
+}
+
+/// The part of the movement over which the difference at the start fades.
+const FADE: f64 = 0.3;
+
+impl<M: MeanMovement> MeanRunner<M> {
+    /// At the mean of its start.
+    pub fn new(movement: M) -> Self {
+        let dimensions = movement.dimensions();
+        let mut runner = Self {
+            duration: movement.duration(),
+            movement,
+            elapsed: 0.0,
+            correction: vec![Quintic::at_rest(0.0); dimensions],
+            slope: vec![0.0; dimensions],
+            position: vec![0.0; dimensions],
+            velocity: vec![0.0; dimensions],
+        };
+        runner.observe();
+        runner
+    }
+
+    /// The movement it follows.
+    pub fn movement(&self) -> &M {
+        &self.movement
+    }
+
+    /// The movement it follows, to be exchanged for one of the same dimensions from the next start on.
+    pub(crate) fn movement_mut(&mut self) -> &mut M {
+        &mut self.movement
+    }
+
+    /// Starts from a position with a velocity (per second), to be over after `duration` seconds.
+    ///
+    /// # Errors
+    /// Wrong lengths, numbers that are not finite, a duration that is no positive time.
+    pub fn start(&mut self, position: &[f64], velocity: &[f64], duration: f64) -> Result<(), ValueError> {
+        let expected = self.position.len();
+        for (name, values) in [("the position", position), ("the velocity", velocity)] {
+            if values.len() != expected {
+                return Err(ValueError::Size { name, found: values.len(), expected });
+            }
+            if let Some(&value) = values.iter().find(|value| !value.is_finite()) {
+                return Err(ValueError::NotFinite { name, value });
+            }
+        }
+        if !(duration > 0.0 && duration.is_finite()) {
+            let expected = "a positive time";
+            return Err(ValueError::OutOfRange { name: "duration", value: duration, expected });
+        }
+        (self.duration, self.elapsed) = (duration, 0.0);
+        self.correction.fill(Quintic::at_rest(0.0));
+        self.observe();
+        for (d, correction) in self.correction.iter_mut().enumerate() {
+            let value = position[d] - self.position[d];
+            let rate = (velocity[d] - self.velocity[d]) * duration;
+            *correction = Quintic::new(0.0, FADE, Jet { value, rate, acceleration: 0.0 }, 0.0);
+        }
+        self.observe();
+        Ok(())
+    }
+
+    /// Advances by `dt` seconds; past the end it stays at the end.
+    pub fn step(&mut self, dt: f64) {
+        if dt > 0.0 {
+            self.elapsed += dt;
+            self.observe();
+        }
+    }
+
+    /// Position in every dimension.
+    pub fn position(&self) -> &[f64] {
+        &self.position
+    }
+
+    /// Velocity in every dimension, per second.
+    pub fn velocity(&self) -> &[f64] {
+        &self.velocity
+    }
+
+    /// Elapsed time over duration.
+    pub fn progress(&self) -> f64 {
+        self.elapsed / self.duration
+    }
+
+    /// True after the duration of the movement.
+    pub fn is_over(&self) -> bool {
+        // sums of periods are rounded
+        self.progress() >= 1.0 - 1e-9
+    }
+
+    fn observe(&mut self) {
+        let progress = self.progress();
+        self.movement.mean_into(progress.min(1.0), &mut self.position, &mut self.slope);
+        for (d, correction) in self.correction.iter().enumerate() {
+            let correction = correction.sample(progress);
+            let rate = if progress < 1.0 { self.slope[d] } else { 0.0 };
+            self.position[d] += correction.value;
+            self.velocity[d] = (rate + correction.rate) / self.duration;
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! Actuators that hold positions, as gains; and the profile of a file from these and from its keyframes.
+
+use std::collections::BTreeMap;
+
+use nalgebra::DMatrix;
+
+use super::keyframes::Keyframe;
+use crate::profile::GainArrays;
+use crate::{BaseKind, BasePose, Coordinate, Dynamics, Model, Profile};
+
+/// The drive of a joint, as the joint feels it: `tau = kp (q_des - q) + kd (v_des - v)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct PositionDrive {
+    pub(super) kp: f64,
+    pub(super) kd: f64,
+    /// In place of `kd`: the ratio to critical damping, for the inertia of the joint in the pose of the file.
+    pub(super) damping_ratio: f64,
+}
+
+/// The drives of a file, by the body that the joint moves.
+#[derive(Default)]
+pub(super) struct Drives {
+    /// `None` for an actuator that holds no position: a motor, a muscle.
+    pub(super) by_body: BTreeMap<usize, Option<PositionDrive>>,
+    /// Something drives joints that are not known one by one: tendons, sites.
+    pub(super) others: bool,
+}
+
+/// The profile of a file; `None` where it has neither a pose nor a drive that holds positions.
+pub(super) fn profile(
+    model: &Model,
+    references: &[f64],
+    keyframes: Vec<Keyframe>,
+    drives: &Drives,
+) -> Option<Profile> {
+    let position = drives.by_body.values().any(Option::is_some);
+    let independent: Vec<usize> = (0..model.bodies().len())
+        .filter(|body| matches!(model.bodies()[*body].joint.coordinate, Coordinate::Independent(_)))
+        .collect();
+    let pick = |positions: &[f64]| independent.iter().map(|body| positions[*body]).collect::<Vec<f64>>();
+    let (mut poses, mut base_poses) = (BTreeMap::new(), BTreeMap::new());
+    let mut home = None;
+    for Keyframe { name, base, positions } in keyframes {
+        let joints = pick(&positions);
+        let limits = model.lower().iter().zip(model.upper().iter());
+        // A pose that the joints do not reach is none to go to.
+        if joints.iter().zip(limits).any(|(q, (low, high))| *q < low - 1e-9 || *q > high + 1e-9) {
+            continue;
+        }
+        if let Some(base) = base {
+            let (roll, pitch, yaw) = base.rotation.euler_angles();
+            let position = base.translation.vector.into();
+            base_poses.insert(name.clone(), BasePose { position, rpy: [roll, pitch, yaw] });
+        }
+        if home.is_none() || name == "home" {
+            home = Some(name.clone());
+        }
+        poses.insert(name, joints);
+    }
+    if poses.is_empty() && !position {
+        return None;
+    }
+    let home = home.unwrap_or_else(|| {
+        poses.insert("zero".to_owned(), pick(references));
+        "zero".to_owned()
+    });
+    let names = model.joint_names();
+    let undriven = |body: &usize| !drives.others && !drives.by_body.contains_key(body);
+    let passive =
+        independent.iter().zip(names).filter(|(body, _)| !drives.by_body.is_empty() && undriven(body));
+    let passive = passive.map(|(_, name)| name.clone()).collect();
+    let gains = position.then(|| gains(model, references, &independent, drives));
+    let mut profile = Profile::empty();
+    profile.title = model.name().to_owned();
+    profile.sources = vec!["keyframes and actuators of the robot's file".to_owned()];
+    if model.base().floating {
+        profile.base = BaseKind::Floating;
+    }
+    profile.joints = names.to_vec();
+    (profile.home, profile.passive, profile.gains) = (home, passive, gains);
+    (profile.poses, profile.base_poses) = (poses, base_poses);
+    Some(profile)
+}
+
+fn gains(model: &Model, references: &[f64], independent: &[usize], drives: &Drives) -> GainArrays {
+    let (first, mut q) = (model.nv() - independent.len(), model.neutral());
+    let offset = q.len() - independent.len();
+    for (place, body) in q[offset..].iter_mut().zip(independent) {
+        *place = references[*body];
+    }
+    let mut mass = DMatrix::zeros(model.nv(), model.nv());
+    Dynamics::new(model).crba(model, &q, &mut mass);
+    let (mut kp, mut kd) = (Vec::new(), Vec::new());
+    for (index, body) in independent.iter().enumerate() {
+        let drive = drives.by_body.get(body).copied().flatten();
+        let PositionDrive { kp: stiffness, kd: damping, damping_ratio } =
+            drive.unwrap_or(PositionDrive { kp: 0.0, kd: 0.0, damping_ratio: 0.0 });
+        let inertia = mass[(first + index, first + index)];
+        kp.push(stiffness);
+        kd.push(damping + 2.0 * damping_ratio * (stiffness * inertia).sqrt());
+    }
+    GainArrays { kp, kd }
+}

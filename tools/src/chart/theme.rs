@@ -1,0 +1,53 @@
+//! Colours and dashes, in light and in dark.
+
+use std::fmt::Write as _;
+
+/// Colours of lines, in turn: distinct on white, also for most of those who see fewer.
+pub(super) const COLOURS: [&str; 8] =
+    ["#1f6feb", "#d1242f", "#1a7f37", "#9a6700", "#8250df", "#0b7285", "#bf3989", "#57606a"];
+/// The same on a dark ground.
+const ON_DARK: [&str; 8] =
+    ["#58a6ff", "#ff7b72", "#56d364", "#e3b341", "#bc8cff", "#39c5cf", "#f778ba", "#9da7b3"];
+/// Dashes of lines, in turn: lengths of strokes and gaps. Three repeat after 3 lines and the colours after 8, so that 24 lines
+/// differ, and neighbours do in print without colours.
+pub(super) const DASHES: [&[f64]; 3] = [&[], &[7.0, 3.0], &[2.0, 2.5]];
+
+/// The beginning of a picture. The colours stand in the attributes of each element, which every program reads; one that knows
+/// style sheets changes them where its user prefers a dark ground.
+pub(super) fn begin(width: f64, height: f64) -> String {
+    let mut style = String::from(
+        ".paper{fill:#0d1117}.ink{fill:#e6edf3}.grid{stroke:#262c34}.frame{stroke:#8b949e}.old{stroke:#484f58}",
+    );
+    for (index, colour) in ON_DARK.iter().enumerate() {
+        let _ = write!(style, ".c{index}{{stroke:{colour}}}.f{index}{{fill:{colour}}}");
+    }
+    format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
+         height=\"{height}\" font-family=\"sans-serif\" font-size=\"13\">\n\
+         <style>@media (prefers-color-scheme:dark){{{style}}}</style>\n\
+         <rect class=\"paper\" width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
+    )
+}
+
+/// The attributes of the line of a series.
+pub(super) fn stroke(series: usize) -> String {
+    let index = series % COLOURS.len();
+    let dashes: Vec<String> = DASHES[series % DASHES.len()].iter().map(f64::to_string).collect();
+    let dashes = match dashes.is_empty() {
+        true => String::new(),
+        false => format!(" stroke-dasharray=\"{}\"", dashes.join(" ")),
+    };
+    format!("class=\"c{index}\" stroke=\"{}\"{dashes}", COLOURS[index])
+}
+
+/// The attributes of a surface of a series.
+pub(super) fn fill(series: usize) -> String {
+    let index = series % COLOURS.len();
+    format!("class=\"f{index}\" fill=\"{}\"", COLOURS[index])
+}
+
+/// A text; `attributes` are its size and anchor.
+pub(super) fn text(x: f64, y: f64, attributes: &str, words: &str) -> String {
+    let words = crate::draw::escape(words);
+    format!("<text class=\"ink\" fill=\"#1f2328\" x=\"{x:.1}\" y=\"{y:.1}\" {attributes}>{words}</text>\n")
+}

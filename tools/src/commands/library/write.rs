@@ -1,0 +1,107 @@
+//! `motorium library write`: the movement that writes a letter from its picture.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium_learners::perception::{Coupling, Picture, length};
+use nalgebra::DMatrix;
+
+use crate::chart::{Tile, tiles};
+use crate::out::{out, outln};
+
+/// Write a letter from its picture, by a coupling that `motorium library couple` trained.
+///
+/// A picture does not show a speed: the pen goes evenly along the stroke, as fast on average as in the letters learned, or at
+/// `--pen-speed`.
+///
+/// Example: motorium library write letters.coupling a.pgm --size 0.1 --output a.csv
+#[derive(Debug, clap::Args)]
+pub(super) struct Write {
+    /// The coupling
+    #[arg(value_name = "COUPLING")]
+    coupling: PathBuf,
+    /// The picture: a grey map (.pgm) of one letter, dark on light or light on dark
+    #[arg(value_name = "PICTURE")]
+    picture: PathBuf,
+    /// The larger side of the written letter, m (or any other unit)
+    #[arg(long, default_value_t = 1.0, value_parser = positive)]
+    size: f64,
+    /// Speed of the pen, in units of the size per second
+    #[arg(long, value_name = "SPEED", value_parser = positive)]
+    pen_speed: Option<f64>,
+    /// Write to this CSV file in place of standard output
+    #[arg(long, short, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Draw the letter into this SVG file
+    #[arg(long, value_name = "SVG")]
+    plot: Option<PathBuf>,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
+        _ => Err("expected a positive number".to_string()),
+    }
+}
+
+impl Write {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let coupling = Coupling::read(&self.coupling)?;
+        let picture = Picture::read(&self.picture)?;
+        let movement = coupling.written(&picture, self.pen_speed.map(|speed| speed / self.size));
+        let path = movement.path(coupling.library()) * self.size;
+        let duration = movement.frame.duration;
+        let speeds = speeds(&path, duration);
+        let (mean, most) = (length(&path) / duration, speeds.iter().copied().fold(0.0, f64::max));
+        if let Some(plot) = &self.plot {
+            let name =
+                self.picture.file_stem().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+            let found = path.row_iter().map(|row| [row[0], row[1]]).collect();
+            let drawn = tiles("", &[Tile { name, known: Vec::new(), found }], 1);
+            std::fs::write(plot, drawn).with_context(|| plot.display().to_string())?;
+        }
+        if let Some(output) = &self.output {
+            std::fs::write(output, csv(&path, duration)).with_context(|| output.display().to_string())?;
+        }
+        if self.json {
+            let report = serde_json::json!({
+                "duration_s": duration,
+                "length": length(&path),
+                "pen_speed": { "mean": mean, "largest": most },
+                "weights": movement.weights,
+                "x": path.column(0).as_slice(),
+                "y": path.column(1).as_slice(),
+            });
+            outln!("{}", serde_json::to_string_pretty(&report)?);
+        } else if self.output.is_none() && self.plot.is_none() {
+            out!("{}", csv(&path, duration));
+        } else {
+            let wrote = |what: &str, file: &Option<PathBuf>| {
+                file.as_deref().map_or_else(String::new, |file: &Path| format!("{what} {}\n", file.display()))
+            };
+            out!("{}{}", wrote("wrote", &self.output), wrote("drew", &self.plot));
+            outln!(
+                "{duration:.3} s, {:.3} long, pen speed {mean:.3} per second on average, {most:.3} at most",
+                length(&path)
+            );
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// Speed of each step of a path.
+fn speeds(path: &DMatrix<f64>, duration: f64) -> Vec<f64> {
+    let step = duration / (path.nrows() - 1).max(1) as f64;
+    (1..path.nrows()).map(|k| (path.row(k) - path.row(k - 1)).norm() / step).collect()
+}
+
+fn csv(path: &DMatrix<f64>, duration: f64) -> String {
+    let step = duration / (path.nrows() - 1).max(1) as f64;
+    let rows =
+        path.row_iter().enumerate().map(|(k, row)| format!("{},{},{}\n", k as f64 * step, row[0], row[1]));
+    std::iter::once("t,x,y\n".to_string()).chain(rows).collect()
+}

@@ -1,0 +1,60 @@
+//! `motorium robot draw`: faces with colours of their own, and visuals.
+
+use std::fmt::Write as _;
+
+use crate::program::printed;
+
+/// A robot whose link collides as a box and is seen as a bent plate, which no hull is.
+fn robot(folder: &std::path::Path) -> String {
+    let plate =
+        "v 0 0 0\nv 1 0 0\nv 1 0 0.1\nv 0 0 0.1\nv 0 1 0\nv 0 1 0.1\nf 1 2 3\nf 1 3 4\nf 1 5 6\nf 1 6 4\n";
+    std::fs::write(folder.join("plate.obj"), plate).expect("the folder takes files");
+    let mut urdf = String::from(
+        "<robot name=\"plate\"><link name=\"base\"/><link name=\"arm\"><inertial><mass value=\"1\"/>",
+    );
+    urdf += "<inertia ixx=\"1\" iyy=\"1\" izz=\"1\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial>";
+    urdf += "<visual><geometry><mesh filename=\"plate.obj\"/></geometry><material name=\"m\"><color rgba=\"0.9 0.1 0.1 1\"/></material></visual>";
+    urdf += "<collision><geometry><box size=\"1 1 0.1\"/></geometry></collision></link>";
+    let _ = write!(
+        urdf,
+        "<joint name=\"j\" type=\"continuous\"><parent link=\"base\"/><child link=\"arm\"/><axis xyz=\"0 0 1\"/></joint></robot>"
+    );
+    let path = folder.join("plate.urdf");
+    std::fs::write(&path, urdf).expect("the folder takes files");
+    path.to_str().expect("a plain path").to_string()
+}
+
+/// The faces of a picture: their colours.
+fn faces(picture: &str) -> Vec<String> {
+    let document = roxmltree::Document::parse(picture).expect("SVG");
+    let paths = document.descendants().filter(|node| node.has_tag_name("path"));
+    paths.filter_map(|path| Some(path.attribute("fill")?.to_string())).filter(|fill| fill != "none").collect()
+}
+
+#[test]
+fn every_face_has_a_fill_of_its_own() {
+    let picture = printed(&["robot", "draw", "panda", "--no-ground"]);
+    assert!(!picture.contains("currentColor"));
+    let fills = faces(&picture);
+    assert!(
+        fills.len() > 50 && fills.iter().all(|fill| fill.starts_with('#') && fill.len() == 7),
+        "{fills:?}"
+    );
+}
+
+#[test]
+fn visuals_are_drawn_with_their_meshes_as_they_are() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = robot(folder.path());
+    let fixed = ["robot", "draw", &file, "--no-ground", "--frames", "none", "--view", "45,30"];
+    let collision = faces(&printed(&fixed));
+    assert_eq!(collision.len(), 3, "three sides of a box: {collision:?}");
+    let visual = faces(&printed(&[&fixed[..], &["--visual"]].concat()));
+    // Of the plate the side that faces the eye: one of two parts, of two triangles.
+    assert!((1..=4).contains(&visual.len()), "{visual:?}");
+    let red = |fill: &String| {
+        let channel = |at: usize| u8::from_str_radix(&fill[at..at + 2], 16).expect("a colour");
+        channel(1) > 2 * channel(3)
+    };
+    assert!(visual.iter().all(red), "{visual:?}");
+}
