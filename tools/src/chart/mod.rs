@@ -3,7 +3,6 @@
 mod braille;
 mod font;
 mod latency;
-mod png;
 mod raster;
 
 use std::fmt::Write as _;

@@ -1,7 +1,9 @@
 //! Charts as pictures of dots.
 
+use motorium_bridges::png;
+
 use super::font::{self, ADVANCE, BASE};
-use super::{Axis, Chart, MARGIN, SIZE, number, png};
+use super::{Axis, Chart, MARGIN, SIZE, number};
 
 /// Dots per unit of the chart.
 const SCALE: f64 = 2.0;
