@@ -6,7 +6,7 @@ use std::process::{Command, Output, Stdio};
 use crate::MOTORIUM;
 use crate::support::{machine, run, workspace};
 
-fn motorium(arguments: &[&str]) -> Output {
+pub(crate) fn motorium(arguments: &[&str]) -> Output {
     Command::new(MOTORIUM)
         .args(arguments)
         .current_dir(workspace())
@@ -15,12 +15,12 @@ fn motorium(arguments: &[&str]) -> Output {
         .expect("motorium starts")
 }
 
-fn text(path: &Path) -> &str {
+pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("a path of text")
 }
 
 /// The interpreter with these modules; `None`, told loudly, if there is none.
-fn python(modules: &str) -> Option<PathBuf> {
+pub(crate) fn python(modules: &str) -> Option<PathBuf> {
     let python = std::env::var_os("MOTORIUM_PYTHON").map_or_else(|| "python3".into(), PathBuf::from);
     let check = Command::new(&python).args(["-c", &format!("import {modules}")]).output();
     if check.is_ok_and(|check| check.status.success()) {
@@ -31,7 +31,7 @@ fn python(modules: &str) -> Option<PathBuf> {
 }
 
 /// Output of a script of which the arguments are paths.
-fn printed(python: &Path, script: &str, arguments: &[&Path]) -> String {
+pub(crate) fn printed(python: &Path, script: &str, arguments: &[&Path]) -> String {
     let output = Command::new(python).args(["-c", script]).args(arguments).output().expect("python runs");
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");
@@ -201,8 +201,12 @@ rows, above, counts = zlib.decompress(parts), bytes(3 * width), {}
 assert len(rows) == height * (3 * width + 1)
 for row in range(height):
     line = rows[row * (3 * width + 1):(row + 1) * (3 * width + 1)]
-    assert line[0] == 2
-    above = bytes((a + b) & 255 for a, b in zip(line[1:], above))
+    done, corner = bytearray(), lambda at: (done[at - 3], above[at - 3]) if at >= 3 else (0, 0)
+    for at, byte in enumerate(line[1:]):
+        (a, c), b = corner(at), above[at]
+        nearest = min((abs(b - c), 0, a), (abs(a - c), 1, b), (abs(a + b - 2 * c), 2, c))[2]
+        done.append((byte + {1: a, 2: b, 4: nearest}[line[0]]) & 255)
+    above = bytes(done)
     for column in range(width):
         dot = above[3 * column:3 * column + 3]
         counts[dot] = counts.get(dot, 0) + 1

@@ -7,6 +7,7 @@ mod by_hand;
 mod commands;
 mod corruption;
 mod dashboard;
+mod datasets;
 mod events;
 mod exhaustion;
 mod exports;

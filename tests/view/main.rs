@@ -3,6 +3,7 @@
 mod bundle;
 mod client;
 mod page;
+mod pictures;
 mod playback;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;

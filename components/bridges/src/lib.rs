@@ -6,6 +6,7 @@
 pub mod foxglove;
 mod iceoryx2;
 pub mod parquet;
+pub mod png;
 pub mod recording;
 
 use motorium::worker::Kind;

@@ -5,7 +5,6 @@ mod braille;
 mod font;
 mod latency;
 mod panels;
-mod png;
 mod raster;
 mod svg;
 mod theme;

@@ -1,8 +1,10 @@
 //! Charts as pictures of dots.
 
+use motorium_bridges::png;
+
 use super::font::{self, ADVANCE, BASE};
 use super::svg::Layout;
-use super::{Chart, png, theme};
+use super::{Chart, theme};
 
 /// Dots per unit of the chart.
 const SCALE: f64 = 2.0;

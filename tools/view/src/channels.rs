@@ -81,6 +81,13 @@ impl Channels {
         }
     }
 
+    /// Sends a message of a channel of a topic as it was recorded.
+    pub(crate) fn send_recorded(&self, topic: usize, channel: &str, message: &[u8], time_ns: u64) {
+        for (_, raw) in self.topics[topic].iter().filter(|(_, raw)| raw.topic() == channel) {
+            raw.log_with_meta(message, PartialMetadata { log_time: Some(time_ns) });
+        }
+    }
+
     /// The topic of the plan that a channel shows.
     pub(crate) fn topic_of(&self, channel: &str) -> Option<usize> {
         self.topics.iter().position(|all| all.iter().any(|(_, raw)| raw.topic() == channel))

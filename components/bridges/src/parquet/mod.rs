@@ -1,12 +1,13 @@
 //! Parquet files: tables by columns, which pandas, polars, DuckDB and LeRobot read.
 //!
-//! A writer of the part of the format that recordings need: columns without missing values, lists of them, no compression,
-//! one page for each column of a row group. <https://parquet.apache.org/docs/file-format/>
+//! A writer of the part of the format that recordings need: columns without missing values, lists and groups of them, no
+//! compression, one page for each column of a row group. <https://parquet.apache.org/docs/file-format/>
 
 mod thrift;
 
 use std::io::{self, Write};
 use std::ops::Range;
+use std::sync::Arc;
 
 use thrift::Struct;
 
@@ -50,6 +51,8 @@ pub enum Values {
     Double(Vec<f64>),
     /// Texts.
     Text(Vec<String>),
+    /// Bytes, such as the contents of files.
+    Bytes(Vec<Arc<[u8]>>),
     /// Lists.
     List {
         /// Number of entries of the list of each row.
@@ -57,6 +60,8 @@ pub enum Values {
         /// The entries of all lists, one after the other; no lists themselves.
         entries: Box<Values>,
     },
+    /// Groups of values with names; neither lists nor groups themselves, as many of each.
+    Group(Vec<Column>),
 }
 
 impl Values {
@@ -68,7 +73,9 @@ impl Values {
             Self::Float(values) => values.len(),
             Self::Double(values) => values.len(),
             Self::Text(values) => values.len(),
+            Self::Bytes(values) => values.len(),
             Self::List { lengths, .. } => lengths.len(),
+            Self::Group(columns) => columns.first().map_or(0, |column| column.values.len()),
         }
     }
 
@@ -77,7 +84,7 @@ impl Values {
         self.len() == 0
     }
 
-    /// Number of the physical type, and of the converted one.
+    /// Number of the physical type, and of the converted one. A group has that of none of its columns.
     fn kind(&self) -> (i64, Option<i64>) {
         match self {
             Self::Int64(_) => (INT64, None),
@@ -85,6 +92,7 @@ impl Values {
             Self::Float(_) => (FLOAT, None),
             Self::Double(_) => (DOUBLE, None),
             Self::Text(_) => (BYTE_ARRAY, Some(CONVERTED_UTF8)),
+            Self::Bytes(_) | Self::Group(_) => (BYTE_ARRAY, None),
             Self::List { entries, .. } => entries.kind(),
         }
     }
@@ -100,11 +108,30 @@ impl Values {
                 out.extend((text.len() as u32).to_le_bytes());
                 out.extend(text.as_bytes());
             }),
+            Self::Bytes(values) => values[rows].iter().for_each(|bytes| {
+                out.extend((bytes.len() as u32).to_le_bytes());
+                out.extend(&bytes[..]);
+            }),
             Self::List { lengths, entries } => {
                 let before: usize = lengths[..rows.start].iter().sum();
                 let within: usize = lengths[rows].iter().sum();
                 entries.plain(before..before + within, out);
             }
+            Self::Group(columns) => columns.iter().for_each(|column| column.values.plain(rows.clone(), out)),
+        }
+    }
+}
+
+impl Column {
+    /// The leaves of the tree of its values, each with its path: one for each column of a group.
+    fn leaves(&self) -> Vec<(Vec<&str>, &Values)> {
+        let name = self.name.as_str();
+        match &self.values {
+            Values::Group(columns) => {
+                columns.iter().map(|column| (vec![name, column.name.as_str()], &column.values)).collect()
+            }
+            Values::List { .. } => vec![(vec![name, "list", "element"], &self.values)],
+            values => vec![(vec![name], values)],
         }
     }
 }
@@ -133,8 +160,9 @@ pub fn write(
     facts: &[(&str, String)],
 ) -> io::Result<()> {
     let rows: usize = groups.iter().sum();
-    if let Some(column) = columns.iter().find(|column| column.values.len() != rows) {
-        let reason = format!("column `{}` has {} rows, the table {rows}", column.name, column.values.len());
+    let leaves = || columns.iter().flat_map(Column::leaves);
+    if let Some((path, values)) = leaves().find(|(_, values)| values.len() != rows) {
+        let reason = format!("column `{}` has {} rows, the table {rows}", path[0], values.len());
         return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
     }
     file.write_all(MAGIC)?;
@@ -143,10 +171,10 @@ pub fn write(
     let mut row_groups = Vec::new();
     for length in groups.iter().copied().filter(|length| *length > 0) {
         let (mut chunks, mut bytes) = (Vec::new(), 0);
-        for column in columns {
-            let (page, entries) = page(&column.values, first..first + length);
+        for (path, values) in leaves() {
+            let (page, entries) = page(values, first..first + length);
             file.write_all(&page)?;
-            chunks.push(chunk(column, offset, page.len() as i64, entries as i64));
+            chunks.push(chunk((&path, values), offset, page.len() as i64, entries as i64));
             offset += page.len() as i64;
             bytes += page.len() as i64;
         }
@@ -167,21 +195,28 @@ pub fn write(
     file.write_all(MAGIC)
 }
 
-/// The tree of columns, flattened: the root, then each column; a list is three levels.
+/// The tree of columns, flattened: the root, then each column; a list is three levels, a group two.
 fn schema(columns: &[Column]) -> Vec<Struct> {
     let mut schema = vec![Struct::new().text(4, "schema").i32(5, columns.len() as i64)];
+    let group =
+        |name: &str, children: usize| Struct::new().i32(3, REQUIRED).text(4, name).i32(5, children as i64);
     for Column { name, values } in columns {
-        let (kind, converted) = values.kind();
-        let leaf = |name: &str| {
+        let leaf = |name: &str, values: &Values| {
+            let (kind, converted) = values.kind();
             let leaf = Struct::new().i32(1, kind).i32(3, REQUIRED).text(4, name);
             converted.into_iter().fold(leaf, |leaf, converted| leaf.i32(6, converted))
         };
-        if matches!(values, Values::List { .. }) {
-            schema.push(Struct::new().i32(3, REQUIRED).text(4, name).i32(5, 1).i32(6, CONVERTED_LIST));
-            schema.push(Struct::new().i32(3, REPEATED).text(4, "list").i32(5, 1));
-            schema.push(leaf("element"));
-        } else {
-            schema.push(leaf(name));
+        match values {
+            Values::List { .. } => {
+                schema.push(group(name, 1).i32(6, CONVERTED_LIST));
+                schema.push(Struct::new().i32(3, REPEATED).text(4, "list").i32(5, 1));
+                schema.push(leaf("element", values));
+            }
+            Values::Group(columns) => {
+                schema.push(group(name, columns.len()));
+                schema.extend(columns.iter().map(|column| leaf(&column.name, &column.values)));
+            }
+            values => schema.push(leaf(name, values)),
         }
     }
     schema
@@ -231,16 +266,12 @@ fn levels(runs: impl Iterator<Item = (bool, usize)>, out: &mut Vec<u8>) {
     out.extend(encoded);
 }
 
-/// Entry of the footer for the page of a column.
-fn chunk(column: &Column, offset: i64, bytes: i64, entries: i64) -> Struct {
-    let path = match column.values {
-        Values::List { .. } => vec![column.name.as_str(), "list", "element"],
-        _ => vec![column.name.as_str()],
-    };
+/// Entry of the footer for the page of a leaf.
+fn chunk((path, values): (&[&str], &Values), offset: i64, bytes: i64, entries: i64) -> Struct {
     let meta = Struct::new()
-        .i32(1, column.values.kind().0)
+        .i32(1, values.kind().0)
         .i32s(2, &[PLAIN, RLE])
-        .texts(3, &path)
+        .texts(3, path)
         .i32(4, UNCOMPRESSED)
         .i64(5, entries)
         .i64(6, bytes)

@@ -18,6 +18,7 @@ mod analysis;
 mod batch;
 mod component;
 mod csv;
+mod entries;
 mod file;
 mod head;
 mod lerobot;
@@ -34,8 +35,11 @@ mod verify;
 pub use analysis::{Analysis, EventLine, TopicAnalysis, Tracking, analyse, quantile};
 pub use component::{Record, RecordConfig};
 pub use csv::{TableError, write_csv};
-pub use lerobot::{Dataset, DatasetCounts, DatasetError, usual_signals, write_lerobot};
-pub use reader::{ReadError, RecordedSample, RecordedTopic, Recording, Samples};
+pub use entries::{Entries, Entry, Images, RecordedPicture, RecordedSample, Samples};
+pub use lerobot::{
+    Camera, Dataset, DatasetCounts, DatasetError, usual_cameras, usual_signals, write_lerobot,
+};
+pub use reader::{ReadError, RecordedPictures, RecordedTopic, Recording};
 pub use recover::{Recovered, recover};
 pub use replay::{Replay, ReplayConfig, loggers, replaced, replay_kind};
 pub use score::{

@@ -2,7 +2,6 @@
 
 #![allow(unsafe_code)] // a file is mapped rather than read: recordings are larger than memory
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -12,10 +11,14 @@ use mcap::read::{ChunkFlattener, Options};
 use mcap::records::Record;
 use memmap2::Mmap;
 use motorium::plan::Plan;
-use motorium::state::{Stamp, TypeLayout};
+use motorium::state::TypeLayout;
 
+use super::entries::{Entries, Entry, Images, RecordedSample, Samples};
 use super::{LAYOUT, PLAN, RUN, TOPIC};
 use crate::foxglove::{Derived, DerivedError};
+
+/// Name of the schema of pictures.
+const PICTURES: &str = "foxglove.RawImage";
 
 /// A recording, opened for reading.
 ///
@@ -35,8 +38,9 @@ pub struct Recording {
     path: PathBuf,
     map: Mmap,
     topics: Vec<RecordedTopic>,
-    /// Indices among the topics, by the number of the channel.
-    of_channel: BTreeMap<u16, usize>,
+    pictures: Vec<RecordedPictures>,
+    /// What the messages of a channel are, by its number.
+    pub(super) of_channel: BTreeMap<u16, Source>,
     attachments: Vec<(String, Vec<u8>)>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     is_whole: bool,
@@ -55,24 +59,31 @@ pub struct RecordedTopic {
     derived: Derived,
 }
 
+/// The pictures of a camera in a recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecordedPictures {
+    /// Name of their topic.
+    pub topic: String,
+    /// Name of their channel in the file, whose messages are `foxglove.RawImage`.
+    pub channel: String,
+    /// Number of the pictures in the file.
+    pub count: u64,
+}
+
+/// The source of a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Source {
+    /// Index among the topics.
+    Topic(usize),
+    /// Index among the pictures.
+    Pictures(usize),
+}
+
 impl RecordedTopic {
     /// The messages of its exact channel.
     pub fn derived(&self) -> &Derived {
         &self.derived
     }
-}
-
-/// A sample of a recording.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RecordedSample {
-    /// Index of its topic among [`Recording::topics`].
-    pub topic: usize,
-    /// Time in the file, ns: since 1970, or since the start of a run in lockstep.
-    pub time_ns: u64,
-    /// Its stamp.
-    pub stamp: Stamp,
-    /// Its bytes, in the layout of its topic.
-    pub bytes: Vec<u8>,
 }
 
 /// The error of reading a recording.
@@ -132,6 +143,7 @@ impl Recording {
             path: path.to_path_buf(),
             map,
             topics: Vec::new(),
+            pictures: Vec::new(),
             of_channel: BTreeMap::new(),
             attachments: Vec::new(),
             metadata: BTreeMap::new(),
@@ -146,13 +158,14 @@ impl Recording {
         ReadError::Format { path: self.path.clone(), source: Box::new(source) }
     }
 
-    fn records(&self) -> Result<ChunkFlattener<'_>, ReadError> {
+    pub(super) fn records(&self) -> Result<ChunkFlattener<'_>, ReadError> {
         ChunkFlattener::new_with_options(&self.map, Options::IgnoreEndMagic.into())
             .map_err(|source| self.format(source))
     }
 
     fn scan(&mut self) -> Result<(), ReadError> {
         let (mut topics, mut of_channel) = (Vec::<RecordedTopic>::new(), BTreeMap::new());
+        let (mut pictures, mut of_pictures) = (Vec::<RecordedPictures>::new(), None);
         let (mut attachments, mut metadata, mut is_whole) = (Vec::new(), BTreeMap::new(), false);
         let (mut began, mut times) = (false, None::<(u64, u64)>);
         for record in self.records()? {
@@ -164,19 +177,30 @@ impl Recording {
             };
             began = true;
             match record {
+                Record::Schema { header, .. } if header.name == PICTURES => of_pictures = Some(header.id),
                 Record::Channel(channel) if !of_channel.contains_key(&channel.id) => {
+                    let topic = channel.metadata.get(TOPIC);
+                    if let (true, Some(topic)) = (of_pictures == Some(channel.schema_id), topic) {
+                        of_channel.insert(channel.id, Source::Pictures(pictures.len()));
+                        let (topic, channel) = (topic.clone(), channel.topic);
+                        pictures.push(RecordedPictures { topic, channel, count: 0 });
+                        continue;
+                    }
                     let Some(layout) = channel.metadata.get(LAYOUT) else { continue };
                     let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
                     let layout: TypeLayout =
                         serde_json::from_str(layout).map_err(|error| foreign(error.to_string()))?;
                     let derived = Derived::new(&layout).map_err(|error| foreign(error.to_string()))?;
-                    of_channel.insert(channel.id, topics.len());
-                    let name = channel.metadata.get(TOPIC).unwrap_or(&channel.topic).clone();
+                    of_channel.insert(channel.id, Source::Topic(topics.len()));
+                    let name = topic.unwrap_or(&channel.topic).clone();
                     topics.push(RecordedTopic { name, layout, samples: 0, derived });
                 }
                 Record::Message { header, .. } => {
-                    if let Some(topic) = of_channel.get(&header.channel_id) {
-                        topics[*topic].samples += 1;
+                    if let Some(source) = of_channel.get(&header.channel_id) {
+                        match *source {
+                            Source::Topic(topic) => topics[topic].samples += 1,
+                            Source::Pictures(of_camera) => pictures[of_camera].count += 1,
+                        }
                         let (first, last) = times.unwrap_or((header.log_time, header.log_time));
                         times = Some((first.min(header.log_time), last.max(header.log_time)));
                     }
@@ -191,7 +215,7 @@ impl Recording {
                 _ => {}
             }
         }
-        (self.topics, self.of_channel) = (topics, of_channel);
+        (self.topics, self.pictures, self.of_channel) = (topics, pictures, of_channel);
         (self.attachments, self.metadata) = (attachments, metadata);
         (self.is_whole, self.times) = (is_whole, times);
         Ok(())
@@ -215,6 +239,12 @@ impl Recording {
     /// The topics that were recorded, and `motorium/events`.
     pub fn topics(&self) -> &[RecordedTopic] {
         &self.topics
+    }
+
+    /// The pictures of cameras that were recorded. They have no place among the [topics](Self::topics): their channels hold
+    /// messages for viewers alone.
+    pub fn pictures(&self) -> &[RecordedPictures] {
+        &self.pictures
     }
 
     /// The topic of a name.
@@ -254,7 +284,17 @@ impl Recording {
 
     /// All samples in the order of the file, which is almost that of their times. Of a torn file those before the damage.
     pub fn samples(&self) -> Samples<'_> {
-        Samples { recording: self, records: self.records().ok(), next: None }
+        Samples::new(self)
+    }
+
+    /// All pictures in the order of the file. Samples are passed over without being decoded.
+    pub fn images(&self) -> Images<'_> {
+        Images::new(self)
+    }
+
+    /// All samples and pictures in the order of the file.
+    pub fn entries(&self) -> Entries<'_> {
+        Entries::new(self)
     }
 
     /// All samples in the order of their times.
@@ -267,79 +307,14 @@ impl Recording {
         Ok(samples)
     }
 
-    /// The newest sample of each topic at a time, and those that come after it, in the order of the file. What lies before is
-    /// passed over without being decoded.
+    /// The newest sample of each topic and the newest picture of each camera at a time, and those that come after it, in the
+    /// order of the file. What lies before is passed over without being decoded.
     ///
     /// # Errors
     /// A message is damaged.
-    pub fn at(&self, time_ns: u64) -> Result<(Vec<RecordedSample>, Samples<'_>), ReadError> {
-        let mut samples = self.samples();
-        let mut newest: BTreeMap<usize, Message<'_>> = BTreeMap::new();
-        while let Some(message) = samples.message() {
-            if message.time_ns > time_ns {
-                samples.next = Some(message);
-                break;
-            }
-            newest.insert(message.topic, message);
-        }
-        let newest = newest.into_values().map(|message| self.decode(message)).collect::<Result<_, _>>()?;
-        Ok((newest, samples))
-    }
-
-    fn decode(&self, Message { topic, time_ns, data }: Message<'_>) -> Result<RecordedSample, ReadError> {
-        let of_topic = &self.topics[topic];
-        match of_topic.derived.decode(&data) {
-            Ok((stamp, bytes)) => Ok(RecordedSample { topic, time_ns, stamp, bytes }),
-            Err(source) => {
-                let (path, topic) = (self.path.clone(), of_topic.name.clone());
-                Err(ReadError::Message { path, topic, source: Box::new(source) })
-            }
-        }
-    }
-}
-
-/// A message of a topic as it stands in the file.
-struct Message<'r> {
-    topic: usize,
-    time_ns: u64,
-    data: Cow<'r, [u8]>,
-}
-
-/// The samples of a recording, one after the other.
-pub struct Samples<'r> {
-    recording: &'r Recording,
-    records: Option<ChunkFlattener<'r>>,
-    /// A message that was looked at already.
-    next: Option<Message<'r>>,
-}
-
-impl<'r> Samples<'r> {
-    fn message(&mut self) -> Option<Message<'r>> {
-        if let Some(message) = self.next.take() {
-            return Some(message);
-        }
-        loop {
-            match self.records.as_mut()?.next() {
-                Some(Ok(Record::Message { header, data })) => {
-                    let Some(topic) = self.recording.of_channel.get(&header.channel_id) else { continue };
-                    return Some(Message { topic: *topic, time_ns: header.log_time, data });
-                }
-                Some(Ok(_)) => {}
-                // The scan has read so far, and has found nothing behind it.
-                Some(Err(_)) | None => {
-                    self.records = None;
-                    return None;
-                }
-            }
-        }
-    }
-}
-
-impl Iterator for Samples<'_> {
-    type Item = Result<RecordedSample, ReadError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
-        let message = self.message()?;
-        Some(self.recording.decode(message))
+    pub fn at(&self, time_ns: u64) -> Result<(Vec<Entry>, Entries<'_>), ReadError> {
+        let mut entries = self.entries();
+        let newest = entries.pass(time_ns)?;
+        Ok((newest, entries))
     }
 }

@@ -94,6 +94,6 @@ fn push_number(values: &mut Values, number: Number) {
         Values::Int64(values) => values.push(if let Number::Integer(number) = number { number } else { 0 }),
         Values::Float(values) => values.push(as_f64(number) as f32),
         Values::Double(values) => values.push(as_f64(number)),
-        Values::Text(_) | Values::List { .. } => {}
+        Values::Text(_) | Values::Bytes(_) | Values::List { .. } | Values::Group(_) => {}
     }
 }

@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use motorium::declare::Taps;
 use motorium::plan::Plan;
 use motorium_bridges::recording::{
-    Dataset, Recording, Signal, usual_signals, write_csv, write_lerobot, write_parquet,
+    Camera, Dataset, Recording, Signal, usual_cameras, usual_signals, write_csv, write_lerobot, write_parquet,
 };
 
 use crate::out::outln;
@@ -17,8 +17,8 @@ use crate::robots;
 
 /// Write a recording as tables, one for each topic, or as a dataset of LeRobot.
 ///
-/// `--format lerobot` writes a LeRobotDataset of version 3.0 without pictures: a frame of the state and the action at a fixed
-/// rate, an episode of it for each of the recording.
+/// `--format lerobot` writes a LeRobotDataset of version 3.0: a frame of the state, the action and the pictures at a fixed rate,
+/// an episode of it for each of the recording.
 ///
 /// Example: motorium export out/a.mcap --topic panda/joint_state --output out/a
 #[derive(Debug, clap::Args)]
@@ -45,6 +45,12 @@ pub(crate) struct Export {
     /// LeRobot: numbers of the action; may be repeated. The commanded positions, or efforts, if not given
     #[arg(long, value_name = "SIGNAL")]
     action: Vec<Signal>,
+    /// LeRobot: a topic of pictures, of 8 bits a colour; may be repeated. All if not given
+    #[arg(long, value_name = "TOPIC", conflicts_with = "no_pictures")]
+    pictures: Vec<String>,
+    /// LeRobot: leave out pictures
+    #[arg(long)]
+    no_pictures: bool,
     /// LeRobot: the task in words; the name of the graph if not given
     #[arg(long, value_name = "TEXT")]
     task: Option<String>,
@@ -76,6 +82,8 @@ impl Export {
             ("--fps", self.fps.is_some()),
             ("--state", !self.state.is_empty()),
             ("--action", !self.action.is_empty()),
+            ("--pictures", !self.pictures.is_empty()),
+            ("--no-pictures", self.no_pictures),
             ("--task", self.task.is_some()),
         ];
         if let Some((option, _)) = of_datasets.iter().find(|(_, given)| *given) {
@@ -125,11 +133,25 @@ impl Export {
                 action.push(usual_action);
             }
         }
+        let cameras = match (self.no_pictures, self.pictures.as_slice()) {
+            (true, _) => Vec::new(),
+            (false, []) => {
+                let (cameras, depths) = usual_cameras(recording);
+                for topic in depths {
+                    eprintln!(
+                        "note: the pictures of `{topic}` are depths in metres, and are left out: a dataset has 8 bits a colour"
+                    );
+                }
+                cameras
+            }
+            (false, topics) => topics.iter().map(|topic| Camera::of_topic(topic)).collect(),
+        };
         let names = [names(recording, &plan, &state), names(recording, &plan, &action)];
         let robot = plan.components.iter().find_map(|component| component.robot.as_ref());
         let dataset = Dataset {
             state,
             action,
+            cameras,
             fps: self.fps.unwrap_or(50),
             task: self.task.unwrap_or_else(|| plan.name.clone()),
             robot: robot.map(|robot| robot.name.clone()),

@@ -5,6 +5,7 @@ import "uplot/dist/uPlot.min.css";
 import { Connection } from "./connection.js";
 import { Frames } from "./frames.js";
 import { Parameters } from "./parameters.js";
+import { Pictures } from "./pictures.js";
 import { Playback } from "./playback.js";
 import { Plot } from "./plot.js";
 import { Robot } from "./robot.js";
@@ -14,12 +15,14 @@ import { Timeline } from "./timeline.js";
 
 const $ = (id) => document.getElementById(id);
 const SCENES = ["foxglove.SceneUpdate"];
+const PICTURES = "foxglove.RawImage";
 const TABLE_MS = 100;
 
 const connection = new Connection(`ws://${location.host}/${location.search}`);
 const view = new View($("scene"));
 const frames = new Frames();
 const plot = new Plot(connection, $("plot"), $("plot-topic"), $("plot-field"));
+const cameras = new Pictures(connection, $("cameras"));
 const parameters = new Parameters(connection, $("parameters"));
 const components = new Components($("components"), $("latencies"));
 const timeline = new Timeline($("timeline"));
@@ -96,6 +99,7 @@ function channels() {
     if (schemaName === "foxglove.PoseInFrame") listen(topic, ({ pose }) => view.target(topic, pose));
     if (schemaName === "foxglove.FrameTransforms") listen(topic, (told) => frames.take(told));
   }
+  cameras.offer(connection.channels.filter(({ schemaName }) => schemaName === PICTURES).map(({ topic }) => topic));
   const known = new Set(connection.channels.map(({ topic }) => topic));
   const offered = graph.topics.map(({ name }) => name).filter((name) => known.has(name));
   const joint = graph.robots.map(({ state }) => state).find((topic) => known.has(topic));
@@ -172,6 +176,7 @@ function picture(now) {
     view.look(robots.reduce((box, robot) => box.union(robot.box), new Box3()));
   }
   view.render(frames);
+  cameras.paint();
   pictures += 1;
   if (drawn && first === undefined) first = performance.timeOrigin + performance.now();
   if (now - tabled >= TABLE_MS) {
@@ -204,6 +209,8 @@ globalThis.motorium = {
     playback: playback.state,
     parameters: parameters.values,
     plot: plot.state,
+    cameras: cameras.state,
     errors,
   }),
+  pixel: (topic, x, y) => cameras.pixel(topic, x, y),
 };

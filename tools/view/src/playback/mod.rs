@@ -12,7 +12,7 @@ use anyhow::Context as _;
 use foxglove::RawChannel;
 use motorium::declare::TopicPattern;
 use motorium::plan::Plan;
-use motorium_bridges::recording::{ReadError, RecordedSample, Recording, Samples};
+use motorium_bridges::recording::{Entries, Entry, ReadError, Recording};
 use serde_json::json;
 
 use crate::ask::Ask;
@@ -36,12 +36,14 @@ struct Playback<'r> {
     channels: Channels,
     /// The topic of the plan for each of the recording.
     topics: Vec<Option<usize>>,
-    rest: Samples<'r>,
-    /// The first sample that is later than the place that is shown.
-    later: Option<RecordedSample>,
-    /// The newest sample of each topic of the plan.
-    newest: Vec<Option<RecordedSample>>,
-    /// True for a state that has changed since it was sent.
+    /// The topic of the plan for the pictures of each camera of the recording.
+    pictures: Vec<Option<usize>>,
+    rest: Entries<'r>,
+    /// The first entry that is later than the place that is shown.
+    later: Option<Entry>,
+    /// The newest entry of each topic of the plan.
+    newest: Vec<Option<Entry>>,
+    /// True for a state or a picture that has changed since it was sent.
     changed: Vec<bool>,
 }
 
@@ -87,7 +89,7 @@ pub(crate) fn play(
         } else {
             playback.go_on(moved.to_ns)?;
         }
-        playback.send_states();
+        playback.send_changed();
         if moved.ended {
             server.tell_playback(player().state());
         }
@@ -106,63 +108,84 @@ impl<'r> Playback<'r> {
         let of_plan = |name: &str| plan.topics.iter().position(|topic| topic.name == name);
         let topics: Vec<Option<usize>> =
             recording.topics().iter().map(|topic| of_plan(&topic.name)).collect();
+        let pictures: Vec<Option<usize>> =
+            recording.pictures().iter().map(|camera| of_plan(&camera.topic)).collect();
         let id = recording.path().display().to_string();
         let overheads = request.overheads.unwrap_or_default();
-        let channels = Channels::open(server, &id, &plan, &overheads, |index| topics.contains(&Some(index)))?;
+        let is_recorded = |index: usize| topics.contains(&Some(index)) || pictures.contains(&Some(index));
+        let channels = Channels::open(server, &id, &plan, &overheads, is_recorded)?;
         let count = plan.topics.len();
-        let (rest, later) = (recording.samples(), None);
+        let (rest, later) = (recording.entries(), None);
         let (newest, changed) = (vec![None; count], vec![false; count]);
-        Ok(Self { recording, plan, channels, topics, rest, later, newest, changed })
+        Ok(Self { recording, plan, channels, topics, pictures, rest, later, newest, changed })
     }
 
-    /// Shows a place anew: the newest sample of each topic then.
+    /// The topic of the plan that an entry belongs to.
+    fn topic_of(&self, entry: &Entry) -> Option<usize> {
+        match entry {
+            Entry::Sample(sample) => self.topics[sample.topic],
+            Entry::Picture(picture) => self.pictures[picture.pictures],
+        }
+    }
+
+    /// Shows a place anew: the newest sample of each topic and the newest picture of each camera then.
     fn seek(&mut self, time_ns: u64) -> Result<(), ReadError> {
         let (newest, rest) = self.recording.at(time_ns)?;
         (self.rest, self.later) = (rest, None);
         self.newest.fill(None);
-        for sample in newest {
-            let Some(topic) = self.topics[sample.topic] else { continue };
-            self.send(topic, &sample);
-            self.newest[topic] = Some(sample);
+        for entry in newest {
+            let Some(topic) = self.topic_of(&entry) else { continue };
+            self.send(topic, &entry);
+            self.newest[topic] = Some(entry);
         }
         self.changed.fill(false);
         Ok(())
     }
 
-    /// Goes on to a place: every sample of a stream is sent, of a state the newest by [`send_states`](Self::send_states).
+    /// Goes on to a place: every sample of a stream is sent, of a state and of a camera the newest by
+    /// [`send_changed`](Self::send_changed).
     fn go_on(&mut self, time_ns: u64) -> Result<(), ReadError> {
         loop {
-            let Some(sample) = self.later.take().map(Ok).or_else(|| self.rest.next()).transpose()? else {
+            let Some(entry) = self.later.take().map(Ok).or_else(|| self.rest.next()).transpose()? else {
                 return Ok(());
             };
-            if sample.time_ns > time_ns {
-                self.later = Some(sample);
+            if entry.time_ns() > time_ns {
+                self.later = Some(entry);
                 return Ok(());
             }
-            let Some(topic) = self.topics[sample.topic] else { continue };
-            if self.plan.topics[topic].pattern == TopicPattern::State {
+            let Some(topic) = self.topic_of(&entry) else { continue };
+            let is_state = self.plan.topics[topic].pattern == TopicPattern::State;
+            if is_state || matches!(entry, Entry::Picture(_)) {
                 self.changed[topic] = true;
             } else {
-                self.send(topic, &sample);
+                self.send(topic, &entry);
             }
-            self.newest[topic] = Some(sample);
+            self.newest[topic] = Some(entry);
         }
     }
 
-    fn send_states(&mut self) {
+    fn send_changed(&mut self) {
         for topic in 0..self.newest.len() {
             if !std::mem::take(&mut self.changed[topic]) {
                 continue;
             }
-            if let Some(sample) = self.newest[topic].take() {
-                self.send(topic, &sample);
-                self.newest[topic] = Some(sample);
+            if let Some(entry) = self.newest[topic].take() {
+                self.send(topic, &entry);
+                self.newest[topic] = Some(entry);
             }
         }
     }
 
-    fn send(&mut self, topic: usize, sample: &RecordedSample) {
-        self.channels.send(topic, &sample.stamp, &sample.bytes, sample.time_ns);
+    fn send(&mut self, topic: usize, entry: &Entry) {
+        match entry {
+            Entry::Sample(sample) => {
+                self.channels.send(topic, &sample.stamp, &sample.bytes, sample.time_ns);
+            }
+            Entry::Picture(picture) => {
+                let channel = &self.recording.pictures()[picture.pictures].channel;
+                self.channels.send_recorded(topic, channel, &picture.message, picture.time_ns);
+            }
+        }
     }
 
     fn answer(&mut self, ask: Ask, run_channel: &RawChannel) {

@@ -5,6 +5,7 @@ use motorium::state::Decoder;
 
 use super::super::signals::as_f64;
 use super::super::{RecordedSample, Recording, Signal, SignalsError};
+use super::pictures::Pictures;
 use super::{Dataset, DatasetError};
 use crate::parquet::{Column, Values};
 
@@ -22,6 +23,10 @@ pub(super) struct Frames {
     pub(super) timestamp: Vec<f32>,
     /// Frames of each episode.
     pub(super) lengths: Vec<usize>,
+    /// Time of each frame in the recording, ns.
+    times_ns: Vec<u64>,
+    /// The pictures of each camera.
+    pub(super) pictures: Vec<Pictures>,
 }
 
 /// A signal that is read from the recording.
@@ -85,9 +90,12 @@ impl Frames {
         let samples =
             samples.iter().filter(|sample| sources.iter().any(|source| source.topic == sample.topic));
         let samples: Vec<&RecordedSample> = samples.collect();
-        let mut frames = Self::default();
+        let mut frames = Self { pictures: Pictures::of(recording, &dataset.cameras)?, ..Self::default() };
         for episode in samples.chunk_by(|a, b| a.stamp.episode == b.stamp.episode) {
             frames.episode(episode, &mut sources, dataset.fps, begin_ns)?;
+        }
+        for pictures in &mut frames.pictures {
+            pictures.read(recording, &frames.times_ns)?;
         }
         Ok(frames)
     }
@@ -102,6 +110,9 @@ impl Frames {
         sources.iter_mut().for_each(|source| source.newest = None);
         let before = self.timestamp.len();
         let mut first_ns = None;
+        let begun_ns = samples.first().map_or(0, |sample| sample.time_ns);
+        let pictured = self.pictures.iter().map(|pictures| pictures.first_from(begun_ns).unwrap_or(u64::MAX));
+        let pictured_ns = pictured.max().unwrap_or(0);
         // In whole nanoseconds from the first frame on: a rate that does not divide a second does not drift.
         let frame_ns = |first_ns: u64, index: usize| {
             first_ns + (index as u128 * 1_000_000_000 / u128::from(fps.max(1))) as u64
@@ -112,11 +123,13 @@ impl Frames {
             }
             // A sample at the very time of a frame is in it: what comes at one time comes first.
             let next_ns = samples.get(place + 1).map_or(sample.time_ns + 1, |next| next.time_ns);
-            if next_ns == sample.time_ns || sources.iter().any(|source| source.newest.is_none()) {
+            let is_whole = sources.iter().all(|source| source.newest.is_some()) && pictured_ns < next_ns;
+            if next_ns == sample.time_ns || !is_whole {
                 continue;
             }
-            let first_ns = *first_ns.get_or_insert(sample.time_ns);
+            let first_ns = *first_ns.get_or_insert(sample.time_ns.max(pictured_ns));
             while frame_ns(first_ns, self.timestamp.len() - before) < next_ns {
+                self.times_ns.push(frame_ns(first_ns, self.timestamp.len() - before));
                 self.frame(sources, (self.timestamp.len() - before) as f64 / f64::from(fps.max(1))).map_err(
                     |(what, found)| DatasetError::Width {
                         what: WHAT[what],
@@ -165,7 +178,7 @@ impl Frames {
         let within = episodes().flat_map(|(_, length)| 0..length as i64).collect();
         let of =
             episodes().flat_map(|(episode, length)| core::iter::repeat_n(episode as i64, length)).collect();
-        vec![
+        let numbers = vec![
             column("observation.state", vector(0)),
             column("action", vector(1)),
             column("timestamp", Values::Float(self.timestamp.clone())),
@@ -173,7 +186,8 @@ impl Frames {
             column("episode_index", Values::Int64(of)),
             column("index", Values::Int64((0..total as i64).collect())),
             column("task_index", Values::Int64(vec![0; total])),
-        ]
+        ];
+        numbers.into_iter().chain(self.pictures.iter().map(Pictures::column)).collect()
     }
 
     /// The names of the numbers of the state and of the action: those that are known, else the signal and a number.

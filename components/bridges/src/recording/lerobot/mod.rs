@@ -2,7 +2,7 @@
 //!
 //! | file | holds |
 //! |---|---|
-//! | `data/chunk-000/file-000.parquet` | the frames: `observation.state`, `action`, `timestamp`, `frame_index`, `episode_index`, `index`, `task_index`; a row group for each episode |
+//! | `data/chunk-000/file-000.parquet` | the frames: `observation.state`, `action`, `timestamp`, `frame_index`, `episode_index`, `index`, `task_index`; `observation.images.CAMERA` as PNG files within the table; an episode is a row group, with pictures one for every 200 frames |
 //! | `meta/info.json` | version, rate, counts, features with the names of their numbers |
 //! | `meta/stats.json` | least, greatest, mean, standard deviation, quantiles and count of each feature |
 //! | `meta/tasks.parquet` | the task in words |
@@ -12,6 +12,7 @@
 
 mod choice;
 mod frames;
+mod pictures;
 mod stats;
 
 use std::fs::{self, File};
@@ -24,6 +25,7 @@ use super::{Recording, Signal, SignalsError};
 use crate::parquet::{Column, Values, write};
 pub use choice::usual_signals;
 use frames::Frames;
+pub use pictures::usual_cameras;
 use stats::Stats;
 
 /// Version of the format.
@@ -32,6 +34,34 @@ const DATA: &str = "data/chunk-000/file-000.parquet";
 const EPISODES: &str = "meta/episodes/chunk-000/file-000.parquet";
 const TASKS: &str = "meta/tasks.parquet";
 
+/// Frames of a row group that holds pictures: it must not have more than two gigabytes of them.
+const GROUP: usize = 200;
+
+/// A camera whose pictures are part of a dataset.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Camera {
+    /// The topic of its pictures.
+    pub topic: String,
+    /// Name of its feature behind `observation.images.`.
+    pub name: String,
+}
+
+impl Camera {
+    /// The camera of a topic, and its usual name.
+    ///
+    /// ```
+    /// use motorium_bridges::recording::Camera;
+    ///
+    /// assert_eq!(Camera::of_topic("wrist/image").name, "wrist");
+    /// assert_eq!(Camera::of_topic("left/camera/colour").name, "left_camera_colour");
+    /// ```
+    pub fn of_topic(topic: &str) -> Self {
+        // LeRobot refuses names with `/`, and has its own meaning for `.`.
+        let name = topic.strip_suffix("/image").unwrap_or(topic).replace(['/', '.'], "_");
+        Self { topic: topic.to_string(), name }
+    }
+}
+
 /// The contents of a dataset.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Dataset {
@@ -39,6 +69,8 @@ pub struct Dataset {
     pub state: Vec<Signal>,
     /// The numbers that it gives: `action`.
     pub action: Vec<Signal>,
+    /// The pictures that it sees: of each frame the newest of each camera.
+    pub cameras: Vec<Camera>,
     /// Frames a second.
     pub fps: u32,
     /// The task, in words.
@@ -89,8 +121,28 @@ pub enum DatasetError {
         /// Time since the beginning of the recording, s.
         time_s: f64,
     },
+    /// The recording has no pictures of this topic.
+    #[error("the recording has no pictures of `{topic}`; {advice}")]
+    NoPictures {
+        /// The topic.
+        topic: String,
+        /// The one that was probably meant, or all.
+        advice: String,
+    },
+    /// A picture that a dataset cannot hold.
+    #[error("the picture of `{topic}` at {time_s:.3} s {found}")]
+    Picture {
+        /// The topic.
+        topic: String,
+        /// Time since the beginning of the recording, s.
+        time_s: f64,
+        /// The fault of it.
+        found: String,
+    },
     /// There is no time at which all signals have a value.
-    #[error("there is no frame: at no time have all signals of the state and the action been published")]
+    #[error(
+        "there is no frame: at no time have all signals of the state and the action, and pictures of all cameras, been published"
+    )]
     Empty,
 }
 
@@ -111,15 +163,20 @@ pub fn write_lerobot(
     }
     let lengths = &frames.lengths;
     let columns = frames.columns();
-    table(folder, DATA, &columns, lengths, &[])?;
+    let most = if frames.pictures.is_empty() { usize::MAX } else { GROUP };
+    let groups =
+        lengths.iter().flat_map(|length| (0..*length).step_by(most).map(move |at| (length - at).min(most)));
+    table(folder, DATA, &columns, &groups.collect::<Vec<_>>(), &[])?;
     table(folder, EPISODES, &episodes(lengths, &dataset.task), &[lengths.len()], &[])?;
     let tasks = [
         Column { name: "task_index".to_string(), values: Values::Int64(vec![0]) },
         Column { name: "task".to_string(), values: Values::Text(vec![dataset.task.clone()]) },
     ];
     table(folder, TASKS, &tasks, &[1], &[("pandas", index_of_tasks().to_string())])?;
-    let stats = columns.iter().map(|column| (column.name.clone(), Stats::of(&column.values).json()));
-    let stats: serde_json::Map<String, Value> = stats.collect();
+    let numbers = columns.iter().filter(|column| !matches!(column.values, Values::Group(_)));
+    let stats = numbers.map(|column| (column.name.clone(), Stats::of(&column.values).json()));
+    let of_pictures = frames.pictures.iter().map(|pictures| (pictures.feature(), pictures.stats()));
+    let stats: serde_json::Map<String, Value> = stats.chain(of_pictures).collect();
     text(folder, "meta/stats.json", &Value::Object(stats))?;
     text(folder, "meta/info.json", &info(dataset, &frames))?;
     Ok(DatasetCounts { episodes: lengths.len(), frames: total })
@@ -133,6 +190,18 @@ fn info(dataset: &Dataset, frames: &Frames) -> Value {
     };
     let [state, action] = frames.names(dataset);
     let (episodes, total) = (frames.lengths.len(), frames.timestamp.len());
+    let mut features = json!({
+        "observation.state": vector(frames.widths[0], &state),
+        "action": vector(frames.widths[1], &action),
+        "timestamp": scalar("float32"),
+        "frame_index": scalar("int64"),
+        "episode_index": scalar("int64"),
+        "index": scalar("int64"),
+        "task_index": scalar("int64"),
+    });
+    for pictures in &frames.pictures {
+        features[pictures.feature()] = pictures.info();
+    }
     json!({
         "codebase_version": VERSION,
         "robot_type": dataset.robot,
@@ -146,15 +215,7 @@ fn info(dataset: &Dataset, frames: &Frames) -> Value {
         "splits": { "train": format!("0:{episodes}") },
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "video_path": null,
-        "features": {
-            "observation.state": vector(frames.widths[0], &state),
-            "action": vector(frames.widths[1], &action),
-            "timestamp": scalar("float32"),
-            "frame_index": scalar("int64"),
-            "episode_index": scalar("int64"),
-            "index": scalar("int64"),
-            "task_index": scalar("int64"),
-        },
+        "features": features,
     })
 }
 

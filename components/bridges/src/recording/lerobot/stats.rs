@@ -5,7 +5,8 @@ use serde_json::{Value, json};
 use crate::parquet::Values;
 
 /// Names and parts of the quantiles.
-const QUANTILES: [(&str, f64); 5] = [("q01", 0.01), ("q10", 0.1), ("q50", 0.5), ("q90", 0.9), ("q99", 0.99)];
+pub(super) const QUANTILES: [(&str, f64); 5] =
+    [("q01", 0.01), ("q10", 0.1), ("q50", 0.5), ("q90", 0.9), ("q99", 0.99)];
 
 /// Statistics of each number of a column.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,7 +50,7 @@ fn numbers(values: &Values) -> Vec<f64> {
         Values::UInt64(values) => values.iter().map(|value| *value as f64).collect(),
         Values::Float(values) => values.iter().map(|value| f64::from(*value)).collect(),
         Values::Double(values) => values.clone(),
-        Values::Text(_) => Vec::new(),
+        Values::Text(_) | Values::Bytes(_) | Values::Group(_) => Vec::new(),
         Values::List { entries, .. } => numbers(entries),
     }
 }

@@ -1,0 +1,215 @@
+//! The samples and pictures of a recording, one after the other.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use foxglove::Decode as _;
+use foxglove::messages::RawImage;
+use mcap::read::ChunkFlattener;
+use mcap::records::Record;
+use motorium::state::Stamp;
+
+use super::reader::{ReadError, Recording, Source};
+use crate::foxglove::DerivedError;
+
+/// A sample of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RecordedSample {
+    /// Index of its topic among [`Recording::topics`].
+    pub topic: usize,
+    /// Time in the file, ns: since 1970, or since the start of a run in lockstep.
+    pub time_ns: u64,
+    /// Its stamp.
+    pub stamp: Stamp,
+    /// Its bytes, in the layout of its topic.
+    pub bytes: Vec<u8>,
+}
+
+/// A picture of a recording.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RecordedPicture {
+    /// Index of its camera among [`Recording::pictures`].
+    pub pictures: usize,
+    /// Time in the file, as of a sample, ns.
+    pub time_ns: u64,
+    /// The message that stands in the file, a `foxglove.RawImage`.
+    pub message: Vec<u8>,
+}
+
+impl RecordedPicture {
+    /// The picture: its size, its encoding and its pixels. `None` if the message is damaged.
+    ///
+    /// ```no_run
+    /// use motorium_bridges::recording::{Entry, Recording};
+    ///
+    /// let recording = Recording::open("out/run.mcap".as_ref())?;
+    /// for entry in recording.entries() {
+    ///     if let Entry::Picture(picture) = entry?
+    ///         && let Some(image) = picture.image()
+    ///     {
+    ///         let camera = &recording.pictures()[picture.pictures].topic;
+    ///         println!("{camera}: {} x {} pixels, {}", image.width, image.height, image.encoding);
+    ///     }
+    /// }
+    /// # Ok::<(), motorium_bridges::recording::ReadError>(())
+    /// ```
+    pub fn image(&self) -> Option<RawImage> {
+        RawImage::decode(&self.message[..]).ok()
+    }
+}
+
+/// A sample or a picture.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Entry {
+    /// A sample of a topic.
+    Sample(RecordedSample),
+    /// A picture of a camera.
+    Picture(RecordedPicture),
+}
+
+impl Entry {
+    /// Time in the file, ns.
+    pub fn time_ns(&self) -> u64 {
+        match self {
+            Self::Sample(sample) => sample.time_ns,
+            Self::Picture(picture) => picture.time_ns,
+        }
+    }
+}
+
+/// A message as it stands in the file.
+struct Message<'r> {
+    source: Source,
+    time_ns: u64,
+    data: Cow<'r, [u8]>,
+}
+
+/// The messages of a recording, one after the other.
+struct Messages<'r> {
+    recording: &'r Recording,
+    records: Option<ChunkFlattener<'r>>,
+}
+
+impl<'r> Messages<'r> {
+    fn new(recording: &'r Recording) -> Self {
+        Self { recording, records: recording.records().ok() }
+    }
+
+    fn next(&mut self) -> Option<Message<'r>> {
+        loop {
+            match self.records.as_mut()?.next() {
+                Some(Ok(Record::Message { header, data })) => {
+                    let Some(source) = self.recording.of_channel.get(&header.channel_id) else { continue };
+                    return Some(Message { source: *source, time_ns: header.log_time, data });
+                }
+                Some(Ok(_)) => {}
+                // The scan has read so far, and has found nothing behind it.
+                Some(Err(_)) | None => {
+                    self.records = None;
+                    return None;
+                }
+            }
+        }
+    }
+
+    fn sample(&self, topic: usize, time_ns: u64, data: &[u8]) -> Result<RecordedSample, ReadError> {
+        let of_topic = &self.recording.topics()[topic];
+        match of_topic.derived().decode(data) {
+            Ok((stamp, bytes)) => Ok(RecordedSample { topic, time_ns, stamp, bytes }),
+            Err(source) => Err(self.damaged(&of_topic.name, source)),
+        }
+    }
+
+    fn entry(&self, Message { source, time_ns, data }: Message<'_>) -> Result<Entry, ReadError> {
+        Ok(match source {
+            Source::Topic(topic) => Entry::Sample(self.sample(topic, time_ns, &data)?),
+            Source::Pictures(pictures) => {
+                Entry::Picture(RecordedPicture { pictures, time_ns, message: data.into_owned() })
+            }
+        })
+    }
+
+    fn damaged(&self, topic: &str, source: DerivedError) -> ReadError {
+        let path = self.recording.path().to_path_buf();
+        ReadError::Message { path, topic: topic.to_string(), source: Box::new(source) }
+    }
+}
+
+/// The samples of a recording, one after the other.
+pub struct Samples<'r>(Messages<'r>);
+
+impl<'r> Samples<'r> {
+    pub(super) fn new(recording: &'r Recording) -> Self {
+        Self(Messages::new(recording))
+    }
+}
+
+impl Iterator for Samples<'_> {
+    type Item = Result<RecordedSample, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let Message { source, time_ns, data } = self.0.next()?;
+            if let Source::Topic(topic) = source {
+                return Some(self.0.sample(topic, time_ns, &data));
+            }
+        }
+    }
+}
+
+/// The pictures of a recording, one after the other.
+pub struct Images<'r>(Messages<'r>);
+
+impl<'r> Images<'r> {
+    pub(super) fn new(recording: &'r Recording) -> Self {
+        Self(Messages::new(recording))
+    }
+}
+
+impl Iterator for Images<'_> {
+    type Item = RecordedPicture;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let Message { source, time_ns, data } = self.0.next()?;
+            if let Source::Pictures(pictures) = source {
+                return Some(RecordedPicture { pictures, time_ns, message: data.into_owned() });
+            }
+        }
+    }
+}
+
+/// The samples and pictures of a recording, one after the other.
+pub struct Entries<'r> {
+    messages: Messages<'r>,
+    /// A message that was looked at already.
+    next: Option<Message<'r>>,
+}
+
+impl<'r> Entries<'r> {
+    pub(super) fn new(recording: &'r Recording) -> Self {
+        Self { messages: Messages::new(recording), next: None }
+    }
+
+    /// Passes over what lies before a time; the newest of each topic and of each camera in it.
+    pub(super) fn pass(&mut self, time_ns: u64) -> Result<Vec<Entry>, ReadError> {
+        let mut newest: BTreeMap<Source, Message<'r>> = BTreeMap::new();
+        while let Some(message) = self.next.take().or_else(|| self.messages.next()) {
+            if message.time_ns > time_ns {
+                self.next = Some(message);
+                break;
+            }
+            newest.insert(message.source, message);
+        }
+        newest.into_values().map(|message| self.messages.entry(message)).collect()
+    }
+}
+
+impl Iterator for Entries<'_> {
+    type Item = Result<Entry, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let message = self.next.take().or_else(|| self.messages.next())?;
+        Some(self.messages.entry(message))
+    }
+}

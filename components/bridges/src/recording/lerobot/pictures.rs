@@ -1,0 +1,251 @@
+//! The pictures of a dataset: of each camera the newest at each frame, as PNG files within the table.
+
+use std::sync::Arc;
+
+use foxglove::messages::RawImage;
+use serde_json::{Value, json};
+
+use super::super::Recording;
+use super::stats::QUANTILES;
+use super::{Camera, DatasetError};
+use crate::parquet::{Column, Values};
+use crate::png;
+
+/// Name of the encoding of depths in metres.
+const DEPTH: &str = "32FC1";
+
+/// The cameras of a recording whose pictures a dataset can hold, which has 8 bits for each colour, and the topics of the others:
+/// those of depths.
+pub fn usual_cameras(recording: &Recording) -> (Vec<Camera>, Vec<String>) {
+    let mut is_depth = vec![None; recording.pictures().len()];
+    for picture in recording.images() {
+        if is_depth[picture.pictures].is_none() {
+            is_depth[picture.pictures] = picture.image().map(|image| image.encoding == DEPTH);
+        }
+        if is_depth.iter().all(Option::is_some) {
+            break;
+        }
+    }
+    let (mut cameras, mut depths) = (Vec::new(), Vec::new());
+    for (pictures, is_depth) in recording.pictures().iter().zip(is_depth) {
+        match is_depth {
+            Some(false) => cameras.push(Camera::of_topic(&pictures.topic)),
+            Some(true) => depths.push(pictures.topic.clone()),
+            None => {}
+        }
+    }
+    (cameras, depths)
+}
+
+/// The pictures of one camera.
+#[derive(Debug)]
+pub(super) struct Pictures {
+    camera: Camera,
+    /// Its index among the pictures of the recording.
+    index: usize,
+    /// Times of its pictures, ns, rising.
+    times: Vec<u64>,
+    size: (usize, usize),
+    /// The file of the picture of each frame.
+    files: Vec<Arc<[u8]>>,
+    /// For red, green and blue the number of pixels of each brightness, in all frames.
+    brightness: [Vec<u64>; 3],
+}
+
+impl Pictures {
+    /// The cameras of a dataset, and the times of their pictures.
+    pub(super) fn of(recording: &Recording, cameras: &[Camera]) -> Result<Vec<Self>, DatasetError> {
+        let mut all = Vec::new();
+        for camera in cameras {
+            let known = || recording.pictures().iter().map(|pictures| pictures.topic.as_str());
+            let index = known().position(|topic| topic == camera.topic).ok_or_else(|| {
+                let advice = motorium::nearest::suggest(&camera.topic, known(), "its cameras are");
+                DatasetError::NoPictures { topic: camera.topic.clone(), advice }
+            })?;
+            all.push(Self {
+                camera: camera.clone(),
+                index,
+                times: Vec::new(),
+                size: (0, 0),
+                files: Vec::new(),
+                brightness: std::array::from_fn(|_| vec![0; 256]),
+            });
+        }
+        if all.is_empty() {
+            return Ok(all);
+        }
+        for picture in recording.images() {
+            for pictures in all.iter_mut().filter(|pictures| pictures.index == picture.pictures) {
+                pictures.times.push(picture.time_ns);
+            }
+        }
+        Ok(all)
+    }
+
+    /// The time of the first picture from a time on.
+    pub(super) fn first_from(&self, time_ns: u64) -> Option<u64> {
+        self.times.get(self.times.partition_point(|time| *time < time_ns)).copied()
+    }
+
+    /// Reads the newest picture at each of these times, which rise, and makes a file of it.
+    pub(super) fn read(&mut self, recording: &Recording, frames_ns: &[u64]) -> Result<(), DatasetError> {
+        let newest = |time_ns: &u64| self.times.partition_point(|time| time <= time_ns).checked_sub(1);
+        let wanted: Vec<usize> = frames_ns.iter().filter_map(newest).collect();
+        let of_camera = recording.images().filter(|picture| picture.pictures == self.index);
+        for (number, picture) in of_camera.enumerate() {
+            let frames = wanted.partition_point(|it| *it <= number) - self.files.len();
+            if frames == 0 {
+                continue;
+            }
+            let time_s =
+                picture.time_ns.saturating_sub(recording.times().map_or(0, |(first, _)| first)) as f64 * 1e-9;
+            let wrong =
+                |found: String| DatasetError::Picture { topic: self.camera.topic.clone(), time_s, found };
+            let image = picture.image().ok_or_else(|| wrong("is damaged".to_string()))?;
+            let pixels = colours(&image).map_err(wrong)?;
+            let size = (image.width as usize, image.height as usize);
+            if self.files.is_empty() {
+                self.size = size;
+            } else if self.size != size {
+                let (width, height) = self.size;
+                let found = format!("has {} x {} pixels, the ones before {width} x {height}", size.0, size.1);
+                return Err(wrong(found));
+            }
+            for pixel in pixels.as_chunks::<3>().0 {
+                for (brightness, part) in self.brightness.iter_mut().zip(pixel) {
+                    brightness[usize::from(*part)] += frames as u64;
+                }
+            }
+            let file: Arc<[u8]> = png::encode(size.0, size.1, &pixels).into();
+            self.files.extend(std::iter::repeat_n(file, frames));
+        }
+        Ok(())
+    }
+
+    /// Name of the feature.
+    pub(super) fn feature(&self) -> String {
+        format!("observation.images.{}", self.camera.name)
+    }
+
+    /// The column: the file of each frame, and its name.
+    pub(super) fn column(&self) -> Column {
+        let names = (0..self.files.len()).map(|frame| format!("frame-{frame:06}.png")).collect();
+        let file = Column { name: "bytes".to_string(), values: Values::Bytes(self.files.clone()) };
+        let name = Column { name: "path".to_string(), values: Values::Text(names) };
+        Column { name: self.feature(), values: Values::Group(vec![file, name]) }
+    }
+
+    /// The entry of `info.json`.
+    pub(super) fn info(&self) -> Value {
+        let (width, height) = self.size;
+        json!({ "dtype": "image", "shape": [height, width, 3], "names": ["height", "width", "channels"] })
+    }
+
+    /// The entry of `stats.json`: of each colour of all pixels of all frames, in parts of the brightest; one number for each,
+    /// in a form that is taken times a picture.
+    pub(super) fn stats(&self) -> Value {
+        let each = |of: &dyn Fn(&[u64]) -> f64| {
+            let of_colour = |brightness: &Vec<u64>| json!([[of(brightness) / 255.0]]);
+            Value::Array(self.brightness.iter().map(of_colour).collect())
+        };
+        let mut stats = serde_json::Map::new();
+        stats.insert("min".to_string(), each(&|counts| ranked(counts, 0.0)));
+        stats.insert("max".to_string(), each(&|counts| ranked(counts, 1.0)));
+        stats.insert("mean".to_string(), each(&mean));
+        stats.insert("std".to_string(), each(&deviation));
+        for (name, part) in QUANTILES {
+            stats.insert(name.to_string(), each(&|counts| ranked(counts, part)));
+        }
+        stats.insert("count".to_string(), json!([self.files.len()]));
+        Value::Object(stats)
+    }
+}
+
+/// The pixels of a picture as red, green and blue without gaps, or what is wrong with it.
+fn colours(image: &RawImage) -> Result<Vec<u8>, String> {
+    let places: &[usize] = match image.encoding.as_str() {
+        "rgb8" => &[0, 1, 2],
+        "bgr8" => &[2, 1, 0],
+        "mono8" => &[0, 0, 0],
+        DEPTH => {
+            return Err("is one of depths in metres, and pictures of a dataset have 8 bits for each of their colours: \
+                        name others by `--pictures`"
+                .to_string());
+        }
+        other => return Err(format!("has the encoding {other}, expected rgb8, bgr8 or mono8")),
+    };
+    let bytes = places.iter().max().map_or(1, |last| last + 1);
+    let (width, height, step) = (image.width as usize, image.height as usize, image.step as usize);
+    if step < width * bytes || image.data.len() < step * height {
+        return Err(format!("has {} bytes, too few for {width} x {height} pixels", image.data.len()));
+    }
+    let rows = image.data.chunks_exact(step.max(1)).take(height);
+    let pixels = rows.flat_map(|row| row[..width * bytes].chunks_exact(bytes));
+    Ok(pixels.flat_map(|pixel| places.iter().map(|place| pixel[*place])).collect())
+}
+
+fn total(counts: &[u64]) -> f64 {
+    counts.iter().sum::<u64>().max(1) as f64
+}
+
+fn mean(counts: &[u64]) -> f64 {
+    counts.iter().enumerate().map(|(value, count)| value as f64 * *count as f64).sum::<f64>() / total(counts)
+}
+
+/// Of all values, not of a sample: `ddof = 0`.
+fn deviation(counts: &[u64]) -> f64 {
+    let mean = mean(counts);
+    let squares =
+        counts.iter().enumerate().map(|(value, count)| (value as f64 - mean).powi(2) * *count as f64);
+    (squares.sum::<f64>() / total(counts)).sqrt()
+}
+
+/// The value at a part of the way from the least to the greatest, straight between the two values on both sides.
+fn ranked(counts: &[u64], part: f64) -> f64 {
+    let place = part * (counts.iter().sum::<u64>().saturating_sub(1)) as f64;
+    let at = |rank: u64| {
+        let mut below = 0;
+        let found = counts.iter().position(|count| {
+            below += count;
+            below > rank
+        });
+        found.unwrap_or(0) as f64
+    };
+    let low = at(place.floor() as u64);
+    low + (place - place.floor()) * (at(place.ceil() as u64) - low)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(encoding: &str, step: u32, data: &[u8]) -> RawImage {
+        let data = data.to_vec().into();
+        RawImage { width: 2, height: 2, encoding: encoding.to_string(), step, data, ..RawImage::default() }
+    }
+
+    #[test]
+    fn pixels_are_red_green_and_blue_whatever_their_encoding_and_whatever_stands_behind_a_row() {
+        let bgr = [3, 2, 1, 6, 5, 4, 0, 9, 8, 7, 12, 11, 10, 0];
+        assert_eq!(colours(&image("bgr8", 7, &bgr)).unwrap(), [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
+        assert_eq!(colours(&image("mono8", 2, &[1, 2, 3, 4])).unwrap(), [1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4]);
+        assert!(colours(&image("rgb8", 6, &[0; 11])).unwrap_err().contains("11 bytes"));
+        assert!(colours(&image("32FC1", 8, &[0; 16])).unwrap_err().contains("--pictures"));
+    }
+
+    /// The expected figures are those of numpy for [3, 3, 3, 10, 200]: `numpy.mean`, `numpy.std`, `numpy.quantile`.
+    #[test]
+    fn statistics_of_brightness_are_those_of_numpy() {
+        let mut counts = vec![0; 256];
+        (counts[3], counts[10], counts[200]) = (3, 1, 1);
+        let near =
+            |found: f64, expected: f64| assert!((found - expected).abs() < 1e-9, "{found}, {expected}");
+        near(mean(&counts), 43.8);
+        near(deviation(&counts), 78.147_040_890_874_42);
+        near(ranked(&counts, 0.0), 3.0);
+        near(ranked(&counts, 0.5), 3.0);
+        near(ranked(&counts, 0.9), 124.0);
+        near(ranked(&counts, 0.6), 5.8);
+        near(ranked(&counts, 1.0), 200.0);
+    }
+}
