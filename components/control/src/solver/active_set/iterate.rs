@@ -13,6 +13,8 @@ use crate::solver::{Accuracy, Problem, Solution, SolveError};
 const SINGULAR: f64 = 1e-12;
 /// Wrong signs of multipliers up to this share of the largest are rounding.
 const SIGN: f64 = 1e-13;
+/// Wrong signs up to this share of the largest multiplier may be rounding where a constraint joins and leaves by turns.
+const NOISE: f64 = 1e-6;
 /// Violation, as a share of one and of the value, that the minimum is refined for before it counts.
 const UNSURE: f64 = 1e-6;
 /// Violation, as a share of one and of the value, that may be rounding where the multipliers say so.
@@ -46,6 +48,7 @@ impl Run<'_> {
     fn solve<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
         self.work.iterations = 0;
         (self.work.tied, self.work.joined) = (false, None);
+        (self.work.newest, self.work.bounced) = (None, None);
         self.work.shift = 0.0;
         self.work.centre.fill(0.0);
         let mut factorize = true;
@@ -116,13 +119,13 @@ impl Run<'_> {
         work.implied.clear();
         for constraint in 0..m.min(n) {
             let value = self.problem.equality_value[constraint];
-            work.working.members.push(Member { constraint, sign: 0.0, value, multiplier: 0.0 });
+            work.working.members.push(Member { constraint, sign: 0.0, value, multiplier: 0.0, stays: false });
         }
         for i in 0..self.work.previous.len() {
             let member = self.work.previous[i];
             let value = self.value(member.constraint, member.sign);
             if value.abs() < Problem::INFINITE && self.work.working.len() < n {
-                self.work.working.members.push(Member { value, ..member });
+                self.work.working.members.push(Member { value, stays: false, ..member });
             }
         }
         for i in 0..self.work.working.len() {
@@ -154,7 +157,7 @@ impl Run<'_> {
             let value = self.problem.equality_value[constraint];
             let work = &mut *self.work;
             if independent {
-                let member = Member { constraint, sign: 0.0, value, multiplier: 0.0 };
+                let member = Member { constraint, sign: 0.0, value, multiplier: 0.0, stays: false };
                 work.working.push::<F>(member, &work.g);
                 work.is_member[constraint] = true;
                 return Ok(());
@@ -241,7 +244,7 @@ impl Run<'_> {
         let (mut step, mut which, mut worst) = (f64::INFINITY, usize::MAX, 0.0);
         for (i, (member, solved)) in working.members.iter().zip(&working.solved).enumerate() {
             let (from, to) = (member.sign * member.multiplier, member.sign * solved);
-            if member.sign == 0.0 || to >= -SIGN * largest {
+            if member.sign == 0.0 || member.stays || to >= -SIGN * largest {
                 continue;
             }
             let fraction = from.max(0.0) / (from.max(0.0) - to);
@@ -258,11 +261,19 @@ impl Run<'_> {
         if which == usize::MAX {
             return false;
         }
+        let constraint = working.members[which].constraint;
+        let at_once = self.work.newest == Some(constraint);
+        if at_once && self.work.bounced == Some(constraint) && worst >= -NOISE * largest {
+            working.members[which].stays = true;
+            (self.work.newest, self.work.joined, self.work.tied) = (None, None, true);
+            return true;
+        }
+        self.work.bounced = at_once.then_some(constraint);
+        self.work.newest = None;
         for (member, solved) in working.members.iter_mut().zip(&working.solved) {
             member.multiplier += step * (solved - member.multiplier);
         }
         // What joins and leaves at once, without a step, is violated by rounding alone: it counts as implied, as before.
-        let constraint = working.members[which].constraint;
         if step == 0.0 && self.work.joined == Some(constraint) {
             working.remove::<F>(which);
             self.work.implied.push(constraint);
@@ -283,8 +294,10 @@ impl Run<'_> {
             let work = &mut *self.work;
             if work.working.examine::<F>(&work.hessian) {
                 let Violated { constraint, sign, value, .. } = *violated;
-                work.working.push::<F>(Member { constraint, sign, value, multiplier }, &work.g);
+                let member = Member { constraint, sign, value, multiplier, stays: false };
+                work.working.push::<F>(member, &work.g);
                 work.is_member[constraint] = true;
+                work.newest = Some(constraint);
                 work.joined = (violated.excess <= TIE * (1.0 + value.abs())).then_some(constraint);
                 return Ok(());
             }

@@ -3,7 +3,8 @@
 //! It keeps a working set of constraints that are held as equalities, and multipliers of the right sign for them. While
 //! the minimum on the working set violates a constraint, that constraint joins; a member whose multiplier would change its
 //! sign on the way leaves. Every change raises the dual cost, so no working set comes again; should rounding undo that,
-//! ties are broken by the number of the constraint (Bland's rule) until the iterations are used up.
+//! ties are broken by the number of the constraint (Bland's rule) until the iterations are used up. A constraint that joins and leaves
+//! at once, and joins again, is violated as far as rounding can tell and has a multiplier that is rounding: it stays.
 //!
 //! With `P = L L'` and the normals `N` of the members, `B = L^-1 N`, the minimum on the working set is
 //!
@@ -105,6 +106,9 @@ struct Work {
     implied: Vec<usize>,
     /// The constraint that joined last, if it is violated so little that it may be rounding.
     joined: Option<usize>,
+    /// The constraint that joined last, if no member left since; and the one that left last, if it had joined just before.
+    newest: Option<usize>,
+    bounced: Option<usize>,
     /// True if a constraint was left out as satisfied that `x` violates by more than the tolerance, within rounding.
     tied: bool,
     /// The members of the solve before.
@@ -132,6 +136,8 @@ impl ActiveSetSolver {
             is_member: vec![false; all],
             implied: Vec::with_capacity(all),
             joined: None,
+            newest: None,
+            bounced: None,
             tied: false,
             previous: Vec::with_capacity(n),
             iterations: 0,

@@ -25,6 +25,8 @@ pub(super) struct Member {
     pub(super) value: f64,
     /// Its multiplier.
     pub(super) multiplier: f64,
+    /// True if it stays although its multiplier has the wrong sign, by rounding.
+    pub(super) stays: bool,
 }
 
 /// The members with their normals `N`, with `B = L^-1 N`, where `P = L L'`, and with the Cholesky factor of `B' B`.
