@@ -15,6 +15,7 @@ mod database;
 pub mod drives;
 mod frame;
 mod scan;
+mod scan_servos;
 mod simulated_drive;
 mod table;
 mod traffic;
@@ -26,7 +27,7 @@ pub use bus::real::RealBus;
 pub use bus::report::{ErrorState, Report};
 pub use bus::servo_line::ServoBus;
 pub use bus::simulated::SimulatedBus;
-pub use bus::slcan::SlcanBus;
+pub use bus::slcan::{Attached, SlcanBus, adapter_version};
 pub use bus::socket::{Condition, Interface, OpenError, SocketBus, SocketCounts};
 pub use bus::{Bus, Received};
 pub use component::{
@@ -34,9 +35,10 @@ pub use component::{
 };
 pub use database::{Database, DatabaseError, Decoded, SignalValue};
 pub use drives::range::Range;
-pub use drives::{cia402, damiao, feetech, mit, moteus, odrive, servo};
+pub use drives::{cia402, damiao, dynamixel, feetech, mit, moteus, odrive, servo};
 pub use frame::{DecodeError, Form, Frame, Id};
 pub use scan::{Device, DeviceKind, Found, scan};
+pub use scan_servos::{SPEEDS as SERVO_SPEEDS, ServoFound, scan_servos};
 pub use simulated_drive::{AnySimulatedDrive, Overrides, SimulatedDrive};
 pub use table::{
     BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry, Table, TableError,

@@ -1,69 +1,11 @@
 //! One drive as the adapter sees it.
 
 use super::dialogue::{Dialogue, Heard, Order};
-use super::{OnTrip, Phase, Setpoint};
+use super::{OnTrip, Phase, Setpoint, WrongSetting};
 use crate::bus::bits::{Bits, Rates};
-use crate::damiao::Register;
 use crate::frame::{DecodeError, Frame};
 use crate::mit::{self, Ranges, State};
 use crate::table::{Table, Transmission};
-
-/// A setting of a drive that is not that of the table.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum WrongSetting {
-    /// The watchdog, ns; `None` for off.
-    #[error("its watchdog is {}, the table says {} ms", ms(*.found), *.expected as f64 / 1e6)]
-    Watchdog {
-        /// That of the drive.
-        found: Option<u64>,
-        /// That of the table.
-        expected: u64,
-    },
-    /// The end of a range.
-    #[error("its {register:?} is {found}, the table says {expected}")]
-    Range {
-        /// The register.
-        register: Register,
-        /// That of the drive.
-        found: f64,
-        /// That of the table.
-        expected: f64,
-    },
-    /// The rated torque, of which torques are thousandths, N m.
-    #[error("its rated torque is {found} N m, the table says {expected}")]
-    RatedTorque {
-        /// That of the drive.
-        found: f64,
-        /// That of the table.
-        expected: f64,
-    },
-    /// The operating mode of a servo.
-    #[error("its operating mode is {found}, expected 0, that of positions")]
-    OperatingMode {
-        /// That of the servo.
-        found: u8,
-    },
-    /// The limits of a servo's goals, rad.
-    #[error("its goals end at {:.3} and {:.3} rad, the table has positions up to {expected}", .found[0], .found[1])]
-    Goals {
-        /// Those of the servo.
-        found: [f64; 2],
-        /// The largest position of the table.
-        expected: f64,
-    },
-    /// An object that the drive does not let be set, or does not have.
-    #[error("it refuses the object 0x{index:04X}: code 0x{code:08X}")]
-    Refused {
-        /// The index of the object.
-        index: u16,
-        /// The code of the drive.
-        code: u32,
-    },
-}
-
-fn ms(watchdog: Option<u64>) -> String {
-    watchdog.map_or_else(|| "off".to_string(), |ns| format!("{} ms", ns as f64 / 1e6))
-}
 
 /// Counts of one drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

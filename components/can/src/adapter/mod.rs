@@ -11,13 +11,15 @@
 
 mod dialogue;
 mod link;
+mod setting;
 
 use crate::bus::Received;
 use crate::cia402;
 use crate::frame::{DecodeError, Frame};
 use crate::table::Table;
 use dialogue::{Dialogue, Order, Servo};
-pub use link::{Counts, Link, WrongSetting};
+pub use link::{Counts, Link};
+pub use setting::WrongSetting;
 
 /// Cycles of silence after which a drive counts as lost.
 pub const LOST_AFTER: u32 = 3;

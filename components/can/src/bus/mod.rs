@@ -3,13 +3,14 @@
 
 pub mod bits;
 pub mod budget;
+pub mod offered;
 pub mod real;
 pub mod report;
-mod serial;
 pub mod servo_line;
 pub mod simulated;
 pub mod slcan;
 pub mod socket;
+mod terminal;
 mod time;
 
 use crate::frame::Frame;

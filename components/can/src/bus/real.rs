@@ -4,6 +4,7 @@ use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
 
 use super::bits::Rates;
+use super::offered::{Place, UnixBus};
 use super::report::Report;
 use super::servo_line::ServoBus;
 use super::slcan::SlcanBus;
@@ -28,19 +29,36 @@ pub enum RealBus {
     Serial(Box<SlcanBus>),
     /// A line of serial servos, such as `/dev/ttyACM0`.
     Servos(Box<ServoBus>),
+    /// A simulated bus of another program, such as `unix:can0`.
+    Simulated(Box<UnixBus>),
 }
 
 impl RealBus {
-    /// Opens a bus: a serial line if its name is a path, or else an interface of the kernel.
+    /// Opens a bus: a simulated one of another program (`unix:NAME`, `pty:PATH`), a serial line if its name is a path, or else an
+    /// interface of the kernel.
     ///
     /// # Errors
     /// It cannot be opened, or has other rates.
     pub fn open(name: &str, rates: &Rates, is_fd: bool) -> Result<Self, OpenError> {
-        if name.starts_with('/') {
-            SlcanBus::open(name, *rates, is_fd).map(|bus| Self::Serial(Box::new(bus)))
+        let slcan = |path| SlcanBus::open(path, *rates, is_fd).map(|bus| Self::Serial(Box::new(bus)));
+        if let Some(place) = Place::of(name) {
+            match place {
+                Place::Socket(name) => UnixBus::open(name).map(|bus| Self::Simulated(Box::new(bus))),
+                Place::Terminal(path) => slcan(path),
+            }
+        } else if name.starts_with('/') {
+            slcan(name)
         } else {
             SocketBus::open_with(name, rates, is_fd).map(|bus| Self::Socket(Box::new(bus)))
         }
+    }
+
+    /// Opens an interface of the kernel with the rates that it has.
+    ///
+    /// # Errors
+    /// It cannot be opened.
+    pub fn of_interface(name: &str) -> Result<Self, OpenError> {
+        SocketBus::open(name).map(|bus| Self::Socket(Box::new(bus)))
     }
 
     /// Opens a line of serial servos with this speed, bit/s.
@@ -48,7 +66,11 @@ impl RealBus {
     /// # Errors
     /// It cannot be opened, or knows no such speed.
     pub fn open_servos(path: &str, speed: u32) -> Result<Self, OpenError> {
-        ServoBus::open(path, speed).map(|bus| Self::Servos(Box::new(bus)))
+        match Place::of(path) {
+            Some(Place::Socket(name)) => UnixBus::open(name).map(|bus| Self::Simulated(Box::new(bus))),
+            Some(Place::Terminal(path)) => ServoBus::open(path, speed).map(|bus| Self::Servos(Box::new(bus))),
+            None => ServoBus::open(path, speed).map(|bus| Self::Servos(Box::new(bus))),
+        }
     }
 
     /// Its name.
@@ -57,6 +79,7 @@ impl RealBus {
             Self::Socket(bus) => bus.name(),
             Self::Serial(bus) => bus.name(),
             Self::Servos(bus) => bus.name(),
+            Self::Simulated(bus) => bus.name(),
         }
     }
 
@@ -66,6 +89,7 @@ impl RealBus {
             Self::Socket(bus) => bus.condition(),
             Self::Serial(bus) => bus.condition(),
             Self::Servos(bus) => bus.condition(),
+            Self::Simulated(bus) => bus.condition(),
         }
     }
 
@@ -75,6 +99,7 @@ impl RealBus {
             Self::Socket(bus) => bus.counts(),
             Self::Serial(bus) => bus.counts(),
             Self::Servos(bus) => bus.counts(),
+            Self::Simulated(bus) => bus.counts(),
         }
     }
 
@@ -84,6 +109,8 @@ impl RealBus {
             Self::Socket(bus) => bus.is_virtual(),
             Self::Serial(bus) => bus.is_virtual(),
             Self::Servos(bus) => bus.is_virtual(),
+            // it has bit times
+            Self::Simulated(_) => false,
         }
     }
 
@@ -102,6 +129,10 @@ impl RealBus {
                 bus.receive_only(ids);
                 Ok(())
             }
+            Self::Simulated(bus) => {
+                bus.receive_only(ids);
+                Ok(())
+            }
         }
     }
 
@@ -112,7 +143,7 @@ impl RealBus {
     pub fn inject(&self, report: &Report) -> io::Result<()> {
         match self {
             Self::Socket(bus) => bus.inject(report),
-            Self::Serial(_) | Self::Servos(_) => Err(io::ErrorKind::Unsupported.into()),
+            Self::Serial(_) | Self::Servos(_) | Self::Simulated(_) => Err(io::ErrorKind::Unsupported.into()),
         }
     }
 }
@@ -123,6 +154,7 @@ impl AsFd for RealBus {
             Self::Socket(bus) => bus.as_fd(),
             Self::Serial(bus) => bus.as_fd(),
             Self::Servos(bus) => bus.as_fd(),
+            Self::Simulated(bus) => bus.as_fd(),
         }
     }
 }
@@ -133,6 +165,7 @@ impl Bus for RealBus {
             Self::Socket(bus) => bus.send(frames),
             Self::Serial(bus) => bus.send(frames),
             Self::Servos(bus) => bus.send(frames),
+            Self::Simulated(bus) => bus.send(frames),
         }
     }
 
@@ -141,6 +174,7 @@ impl Bus for RealBus {
             Self::Socket(bus) => bus.receive(frames),
             Self::Serial(bus) => bus.receive(frames),
             Self::Servos(bus) => bus.receive(frames),
+            Self::Simulated(bus) => bus.receive(frames),
         }
     }
 }

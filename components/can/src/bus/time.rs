@@ -17,3 +17,28 @@ pub(super) fn monotonic_ns() -> u64 {
 pub(super) fn realtime_ns() -> u64 {
     now_ns(ClockId::Realtime)
 }
+
+/// Time after which what has gone is looked for again, ns.
+const AGAIN_NS: u64 = 1_000_000_000;
+
+/// The time at which a line or an interface that has gone is looked for again: once a second.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Retry {
+    at_ns: u64,
+}
+
+impl Retry {
+    /// It has gone just now.
+    pub(super) fn begin(&mut self) {
+        self.at_ns = monotonic_ns() + AGAIN_NS;
+    }
+
+    /// True once a second.
+    pub(super) fn is_due(&mut self) -> bool {
+        let is_due = monotonic_ns() >= self.at_ns;
+        if is_due {
+            self.begin();
+        }
+        is_due
+    }
+}

@@ -2,7 +2,13 @@
 
 use motorium::declare::{ClockKind, ConfigError};
 
-use crate::{BusKind, RealBus, Table};
+use std::time::{Duration, Instant};
+
+use crate::bus::offered::{Offer, Place};
+use crate::{BusKind, OpenError, RealBus, Table};
+
+/// Time for which a simulated bus of another program is waited for, while that starts.
+const START: Duration = Duration::from_secs(5);
 
 /// True if the buses of a table are interfaces of the computer.
 ///
@@ -26,12 +32,39 @@ pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigEr
 pub(super) fn open(table: &Table) -> Result<Vec<RealBus>, ConfigError> {
     let open = |(index, bus): (usize, &crate::BusEntry)| {
         let interface = bus.interface.as_deref().unwrap_or(&bus.name);
-        let opened = match bus.kind {
+        let open = || match bus.kind {
             BusKind::Can => RealBus::open(interface, &table.rates(index), bus.data_bitrate.is_some()),
             BusKind::Serial => RealBus::open_servos(interface, bus.bitrate),
         };
+        let mut opened = open();
+        let until = Instant::now() + START;
+        while Place::of(interface).is_some()
+            && matches!(opened, Err(OpenError::NotOffered(_) | OpenError::NoLine(_)))
+            && Instant::now() < until
+        {
+            std::thread::sleep(Duration::from_millis(10));
+            opened = open();
+        }
         opened.map_err(|error| {
             ConfigError::key("drives", format!("bus `{}`: {error}", bus.name)).advise(error.advice())
+        })
+    };
+    table.buses.iter().enumerate().map(open).collect()
+}
+
+/// Offers the simulated buses of a table to other programs, in the order of its buses.
+///
+/// # Errors
+/// A place is taken, or the kernel refuses.
+pub(super) fn offer(table: &Table) -> Result<Vec<Offer>, ConfigError> {
+    let open = |(index, bus): (usize, &crate::BusEntry)| {
+        let interface = bus.interface.as_deref().unwrap_or_default();
+        let place = Place::of(interface)
+            .ok_or_else(|| ConfigError::key("drives", format!("bus `{}` has no place", bus.name)))?;
+        let is_servo_line = bus.kind == BusKind::Serial;
+        Offer::open(place, table.rates(index), bus.data_bitrate.is_some(), is_servo_line).map_err(|error| {
+            let message = format!("bus `{}`: `{interface}` cannot be offered: {error}", bus.name);
+            ConfigError::key("drives", message).advise("end the other program, or give the bus another place")
         })
     };
     table.buses.iter().enumerate().map(open).collect()

@@ -7,6 +7,7 @@ mod interfaces;
 mod limits;
 mod wire;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use motorium::declare::{ConfigError, RobotReference};
@@ -31,19 +32,43 @@ struct Source<'a> {
     file: Option<&'a str>,
     buses: &'a [BusEntry],
     drives: &'a [DriveEntry],
+    /// Interfaces of buses, by their names, instead of those of the table.
+    interfaces: &'a BTreeMap<String, String>,
 }
 
 impl Source<'_> {
     /// Reads the table; a file is relative to `folder`.
     fn table(&self, folder: &Path) -> Result<Table, ConfigError> {
+        let mut table = self.read(folder)?;
+        if self.interfaces.is_empty() {
+            return Ok(table);
+        }
+        for (name, interface) in self.interfaces {
+            let names: Vec<&str> = table.buses.iter().map(|bus| bus.name.as_str()).collect();
+            let Some(index) = names.iter().position(|known| known == name) else {
+                let message = format!("no bus is named `{name}`; there is {}", names.join(", "));
+                return Err(
+                    ConfigError::key("interfaces", message).advise("name buses as the drive table does")
+                );
+            };
+            table.buses[index].interface = Some(interface.clone());
+        }
+        table
+            .check()
+            .map_err(|error| ConfigError::key("interfaces", error.to_string()).advise(error.advice))?;
+        Ok(table)
+    }
+
+    fn read(&self, folder: &Path) -> Result<Table, ConfigError> {
         let inline = !self.buses.is_empty() || !self.drives.is_empty();
         let Some(file) = self.file else {
             if !inline {
                 return Err(ConfigError::new("it has no drives")
                     .advise("name a drive table: `drives = \"FILE\"`, or write `bus` and `drive` here"));
             }
-            let table = Table { buses: self.buses.to_vec(), drives: self.drives.to_vec() };
-            table.check().map_err(|error| refused(&error, None))?;
+            let mut table = Table { buses: self.buses.to_vec(), drives: self.drives.to_vec() };
+            let read = |name: &str| std::fs::read_to_string(folder.join(name));
+            table.complete(read).and_then(|()| table.check()).map_err(|error| refused(&error, None))?;
             return Ok(table);
         };
         if inline {
@@ -55,7 +80,9 @@ impl Source<'_> {
             ConfigError::key("drives", format!("{}: {error}", path.display()))
                 .advise("name a drive table, relative to the graph file")
         })?;
-        Table::parse(&text).map_err(|error| refused(&error, Some(file)))
+        let beside = path.parent().unwrap_or(folder);
+        let read = |name: &str| std::fs::read_to_string(beside.join(name));
+        Table::parse_with(&text, read).map_err(|error| refused(&error, Some(file)))
     }
 }
 

@@ -5,6 +5,7 @@
 
 pub mod cia402;
 pub mod damiao;
+pub mod dynamixel;
 pub mod feetech;
 pub mod mit;
 pub mod moteus;

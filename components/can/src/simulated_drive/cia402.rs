@@ -9,7 +9,7 @@ use crate::cia402::{
     Service, Setpoint, Value, adapter_heartbeat, sync,
 };
 use crate::frame::{Frame, Id};
-use crate::table::{LoopEntry, Table};
+use crate::table::{ControlMode, LoopEntry, Table};
 
 /// The drive has no such object.
 const NO_OBJECT: u32 = 0x0602_0000;
@@ -37,6 +37,8 @@ pub struct Cia402 {
     network: NetworkState,
     state: DriveState,
     dictionary: Vec<(Object, Value)>,
+    /// Process data whose mapping cannot be written.
+    fixed: Vec<Mapping>,
     /// The watchdog that it keeps, whatever is written; ns.
     fixed_watchdog_ns: Option<u64>,
     watchdog: Watchdog,
@@ -57,12 +59,20 @@ impl Cia402 {
         let entry = &table.drives[index];
         let node = Node::new(entry.node).unwrap_or(Node::FIRST);
         let mut dictionary: Vec<_> = OBJECTS.iter().map(|object| (*object, Value::long(0))).collect();
+        let mode = match entry.mode.unwrap_or_default() {
+            ControlMode::Position => Mode::Position,
+            ControlMode::Velocity => Mode::Velocity,
+            ControlMode::Torque => Mode::Torque,
+        };
         for mapping in Mapping::ALL {
+            let is_fixed = entry.fixed_mappings.contains(&mapping);
             for step in 0..Mapping::STEPS {
-                if let Service::Write(object, value) = mapping.step(node, Mode::Position, step)
-                    && !dictionary.iter().any(|(known, _)| *known == object)
-                {
-                    dictionary.push((object, value));
+                let Service::Write(object, value) = mapping.step(node, mode, step) else { continue };
+                match dictionary.iter_mut().find(|(known, _)| *known == object) {
+                    // as it stands in the drive for ever
+                    Some((_, place)) if is_fixed => *place = value,
+                    Some(_) => {}
+                    None => dictionary.push((object, value)),
                 }
             }
         }
@@ -74,6 +84,7 @@ impl Cia402 {
             network: NetworkState::PreOperational,
             state: DriveState::SwitchOnDisabled,
             dictionary,
+            fixed: entry.fixed_mappings.clone(),
             fixed_watchdog_ns: overrides.watchdog_ns,
             watchdog: Watchdog::new(overrides.watchdog_ns.filter(|ns| *ns > 0)),
             is_watching: false,
@@ -157,9 +168,19 @@ impl Cia402 {
             Service::Read(Object::RATED_TORQUE) => Ok(Value::long((self.rated_torque * 1e3 + 0.5) as u32)),
             Service::Read(object) => self.get(object).ok_or(NO_OBJECT),
             Service::Write(Object::RATED_TORQUE | Object::STATUSWORD, _) => Err(READ_ONLY),
+            Service::Write(object, _) if self.is_fixed(object) => Err(READ_ONLY),
             Service::Write(object, value) => self.put(object, value).map(|()| value),
         };
         self.node.service_answer(service, result)
+    }
+
+    /// True for an object of a mapping that cannot be written.
+    fn is_fixed(&self, object: Object) -> bool {
+        let names = |mapping: &Mapping| {
+            let mut steps = (0..Mapping::STEPS).map(|step| mapping.step(self.node, self.mode(), step));
+            steps.any(|service| matches!(service, Service::Write(named, _) if named.index == object.index))
+        };
+        object.is_mapping() && self.fixed.iter().any(names)
     }
 
     fn put(&mut self, object: Object, value: Value) -> Result<(), u32> {

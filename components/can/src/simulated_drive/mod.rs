@@ -54,8 +54,8 @@ pub enum AnySimulatedDrive {
     Cia402(Box<cia402::Cia402>),
     /// A moteus.
     Moteus(moteus::Moteus),
-    /// A Feetech servo.
-    Servo(servo::Servo),
+    /// A servo of Feetech or Dynamixel.
+    Servo(Box<servo::Servo>),
 }
 
 impl AnySimulatedDrive {
@@ -72,7 +72,9 @@ impl AnySimulatedDrive {
             }
             (Protocol::Cia402, _) => Self::Cia402(Box::new(cia402::Cia402::new(table, index, overrides))),
             (Protocol::Moteus, _) => Self::Moteus(moteus::Moteus::new(table, index, watchdog_ns)),
-            (Protocol::Feetech, _) => Self::Servo(servo::Servo::new(table, index)),
+            (Protocol::Feetech | Protocol::Dynamixel, _) => {
+                Self::Servo(Box::new(servo::Servo::new(table, index, overrides)))
+            }
             _ => Self::Odrive(odrive::Odrive::new(table, index, watchdog_ns)),
         }
     }
@@ -95,7 +97,7 @@ impl AnySimulatedDrive {
             Self::Odrive(drive) => drive.receive(frame, now_ns),
             Self::Cia402(drive) => drive.receive(frame, now_ns, answer),
             Self::Moteus(drive) => drive.receive(frame, now_ns).into_iter().for_each(answer),
-            Self::Servo(drive) => drive.receive(frame).into_iter().for_each(answer),
+            Self::Servo(drive) => drive.receive(frame, now_ns).into_iter().for_each(answer),
         }
     }
 
@@ -148,7 +150,7 @@ impl AnySimulatedDrive {
             Self::Odrive(drive) => drive.watchdog_trips,
             Self::Cia402(drive) => drive.watchdog_trips,
             Self::Moteus(drive) => drive.watchdog_trips,
-            Self::Servo(_) => 0,
+            Self::Servo(drive) => drive.watchdog_trips,
         }
     }
 

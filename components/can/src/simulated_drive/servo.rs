@@ -1,61 +1,111 @@
-//! A simulated Feetech servo: a table of registers, and a position loop.
+//! A simulated servo of Feetech or Dynamixel: a table of registers, and a position loop.
 
-use super::Motor;
-use crate::feetech::{self, OVERHEATED, STATE_BYTES, State, TORQUE_ENABLE};
+use super::{Motor, Overrides, Watchdog};
+use crate::dynamixel;
+use crate::feetech::{self, OVERHEATED, STATE_BYTES};
 use crate::frame::{Form, Frame, Id};
-use crate::servo::{EVERYBODY, Instruction, LONGEST, Protocol, read_instruction, write_status};
-use crate::table::{LoopEntry, Table};
+use crate::servo::{self, EVERYBODY, Instruction, LONGEST, Packet, write_status};
+use crate::table::{LoopEntry, Protocol, Table};
 
 /// Registers of the table.
-const REGISTERS: usize = 128;
+const REGISTERS: usize = 256;
 /// Supply voltage, V.
 const VOLTAGE: f64 = 7.4;
 
-/// A Feetech servo with its registers.
+/// A servo with its registers.
 #[derive(Clone, Debug)]
 pub struct Servo {
     number: u8,
+    protocol: servo::Protocol,
     gains: LoopEntry,
     registers: [u8; REGISTERS],
+    /// Flags of its errors, which a Feetech tells in its state and a Dynamixel in the head of each answer.
     status: u8,
+    watchdog: Watchdog,
+    /// The time of its watchdog that it keeps, whatever is written; ns.
+    fixed_watchdog_ns: Option<u64>,
+    /// The position at which its watchdog stopped it, until the watchdog is set anew.
+    stopped: Option<f64>,
     pub(super) motor: Motor,
+    pub(super) watchdog_trips: u64,
 }
 
 impl Servo {
-    pub(super) fn new(table: &Table, index: usize) -> Self {
-        let mut registers = [0; REGISTERS];
-        let highest = (feetech::TURN as u16 - 1).to_le_bytes();
-        registers[usize::from(feetech::ANGLE_LIMITS) + 2..][..2].copy_from_slice(&highest);
-        Self {
-            number: table.drives[index].node,
+    pub(super) fn new(table: &Table, index: usize, overrides: Overrides) -> Self {
+        let entry = &table.drives[index];
+        let is_dynamixel = entry.protocol == Protocol::Dynamixel;
+        let mut servo = Self {
+            number: entry.node,
+            protocol: if is_dynamixel { servo::Protocol::Two } else { servo::Protocol::One },
             gains: table.position_loop(index),
-            registers,
+            registers: [0; REGISTERS],
             status: 0,
+            watchdog: Watchdog::new(None),
+            fixed_watchdog_ns: overrides.watchdog_ns,
+            stopped: None,
             motor: Motor::new(table.ranges(index).torque.max),
+            watchdog_trips: 0,
+        };
+        if is_dynamixel {
+            servo.put(dynamixel::OPERATING_MODE.into(), &[dynamixel::POSITIONS]);
+            servo.put(dynamixel::POSITION_LIMITS.into(), &(dynamixel::TURN as i32 - 1).to_le_bytes());
+        } else {
+            let highest = (feetech::TURN as u16 - 1).to_le_bytes();
+            servo.put(usize::from(feetech::ANGLE_LIMITS) + 2, &highest);
         }
+        servo
+    }
+
+    fn is_dynamixel(&self) -> bool {
+        self.protocol == servo::Protocol::Two
+    }
+
+    /// Puts bytes into registers; false if there are none of them.
+    fn put(&mut self, register: usize, bytes: &[u8]) -> bool {
+        let place = self.registers.get_mut(register..register + bytes.len());
+        place.map(|place| place.copy_from_slice(bytes)).is_some()
     }
 
     pub(super) fn ids(&self) -> Vec<Id> {
         vec![Id::Standard(self.number.into()), Id::Standard(EVERYBODY.into())]
     }
 
+    /// The register that switches torque on.
+    fn switch(&self) -> usize {
+        if self.is_dynamixel() { dynamixel::TORQUE_ENABLE.into() } else { feetech::TORQUE_ENABLE.into() }
+    }
+
+    fn has_torque(&self) -> bool {
+        self.registers[self.switch()] == 1
+    }
+
     pub(super) fn is_enabled(&self) -> bool {
-        self.registers[usize::from(TORQUE_ENABLE)] == 1
+        self.has_torque() && self.stopped.is_none()
     }
 
     pub(super) fn cut_power(&mut self) {
-        self.registers[usize::from(TORQUE_ENABLE)..].fill(0);
-        self.status = 0;
+        let switch = self.switch();
+        self.registers[switch..].fill(0);
+        (self.status, self.stopped, self.watchdog) = (0, None, Watchdog::new(None));
     }
 
-    pub(super) fn receive(&mut self, frame: &Frame) -> Option<Frame> {
+    pub(super) fn receive(&mut self, frame: &Frame, now_ns: u64) -> Option<Frame> {
         if frame.form != Form::Packet {
             return None;
         }
-        let (servo, instruction) = read_instruction(frame.data()).ok()?;
+        let mut packet = Packet::default();
+        let (protocol, servo, instruction) = packet.instruction(frame.data()).ok()?;
+        if protocol != self.protocol {
+            return None;
+        }
+        // any packet feeds it, whoever it is for
+        self.watchdog.fed_ns = now_ns;
         let is_meant = servo == self.number;
         match instruction {
-            Instruction::Ping if is_meant => self.answer(0, 0),
+            // a Dynamixel tells its model, and the version of its firmware
+            Instruction::Ping if is_meant || (servo == EVERYBODY && self.is_dynamixel()) => {
+                self.answer(0, if self.is_dynamixel() { 3 } else { 0 })
+            }
             Instruction::Read { register, count } if is_meant => self.answer(register, count),
             Instruction::ReadMany { register, count, servos } if servos.contains(&self.number) => {
                 self.answer(register, count)
@@ -77,45 +127,89 @@ impl Servo {
 
     fn write(&mut self, register: u16, data: &[u8]) {
         let register = usize::from(register);
-        if let Some(place) = self.registers.get_mut(register..register + data.len()) {
-            place.copy_from_slice(data);
+        let written = register..register + data.len();
+        if self.is_dynamixel() {
+            let watchdog = usize::from(dynamixel::BUS_WATCHDOG);
+            // goals are read-only once the watchdog has stopped it
+            if self.stopped.is_some() && written.contains(&dynamixel::GOAL_POSITION.into()) {
+                return;
+            }
+            if !self.put(register, data) {
+                return;
+            }
+            if written.contains(&watchdog) {
+                let unit_ns = dynamixel::WATCHDOG_UNIT_NS;
+                if let Some(fixed_ns) = self.fixed_watchdog_ns {
+                    self.registers[watchdog] = (fixed_ns / unit_ns) as u8;
+                }
+                let after_ns = u64::from(self.registers[watchdog]) * unit_ns;
+                self.watchdog.after_ns = Some(after_ns).filter(|ns| *ns > 0);
+                self.stopped = None;
+            }
+        } else {
+            self.put(register, data);
         }
         // torque that is switched on anew ends the error that switched it off
-        let switch = usize::from(TORQUE_ENABLE);
-        if (register..register + data.len()).contains(&switch) && self.registers[switch] == 0 {
+        if written.contains(&self.switch()) && !self.has_torque() {
             self.status = 0;
         }
     }
 
     fn answer(&mut self, register: u16, count: u8) -> Option<Frame> {
-        let state = State {
-            is_enabled: self.is_enabled(),
-            position: self.motor.position,
-            velocity: self.motor.velocity,
-            load: self.motor.torque / self.motor.largest,
-            voltage: VOLTAGE,
-            temperature: self.motor.temperature,
-            status: self.status,
-        };
-        let place =
-            self.registers[usize::from(TORQUE_ENABLE)..].first_chunk_mut::<{ STATE_BYTES as usize }>()?;
-        state.encode(place);
+        let motor = &self.motor;
+        let (position, velocity, temperature) = (motor.position, motor.velocity, motor.temperature);
+        let load = motor.torque / motor.largest;
+        if self.is_dynamixel() {
+            let load = (load * 1e3) as i16;
+            let state = dynamixel::State { position, velocity, load, voltage: VOLTAGE, temperature };
+            let place = self.registers[usize::from(dynamixel::STATE)..]
+                .first_chunk_mut::<{ dynamixel::STATE_BYTES as usize }>()?;
+            state.encode(place);
+        } else {
+            let state = feetech::State {
+                is_enabled: self.has_torque(),
+                position,
+                velocity,
+                load,
+                voltage: VOLTAGE,
+                temperature,
+                status: self.status,
+            };
+            let switch = self.switch();
+            let place = self.registers[switch..].first_chunk_mut::<{ STATE_BYTES as usize }>()?;
+            state.encode(place);
+        }
         let data = self.registers.get(usize::from(register)..usize::from(register) + usize::from(count))?;
         let mut packet = [0; LONGEST];
-        let length = write_status(Protocol::One, self.number, self.status, data, &mut packet)?;
+        let length = write_status(self.protocol, self.number, self.status, data, &mut packet)?;
         Frame::packet(self.number, &packet[..length])
+    }
+
+    /// The position of its goal, rad.
+    fn goal(&self) -> f64 {
+        if self.is_dynamixel() {
+            let place = usize::from(dynamixel::GOAL_POSITION);
+            let bytes = self.registers[place..].first_chunk().copied().unwrap_or_default();
+            return dynamixel::position(i32::from_le_bytes(bytes));
+        }
+        let place = usize::from(feetech::GOAL_POSITION);
+        feetech::position(u16::from_le_bytes([self.registers[place], self.registers[place + 1]]))
     }
 
     pub(super) fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         self.motor.turn(position, velocity, now_ns);
-        if self.is_enabled() && self.motor.is_too_hot() {
-            self.status |= OVERHEATED;
-            self.registers[usize::from(TORQUE_ENABLE)] = 0;
+        if self.stopped.is_none() && self.watchdog.has_expired(now_ns) {
+            self.registers[usize::from(dynamixel::BUS_WATCHDOG)] = dynamixel::WATCHDOG_EXPIRED;
+            self.stopped = Some(position);
+            self.watchdog_trips += 1;
         }
-        let place = usize::from(feetech::GOAL_POSITION);
-        let goal = u16::from_le_bytes([self.registers[place], self.registers[place + 1]]);
+        if self.has_torque() && self.motor.is_too_hot() {
+            self.status |= if self.is_dynamixel() { dynamixel::ALERT } else { OVERHEATED };
+            let switch = self.switch();
+            self.registers[switch] = 0;
+        }
         let LoopEntry { kp, kd } = self.gains;
-        let wanted = kp * (feetech::position(goal) - position) - kd * velocity;
-        self.motor.give(self.is_enabled().then_some(wanted))
+        let wanted = kp * (self.stopped.unwrap_or_else(|| self.goal()) - position) - kd * velocity;
+        self.motor.give(self.has_torque().then_some(wanted))
     }
 }

@@ -1,14 +1,16 @@
 //! The mistakes of a drive table that it shows by itself.
 
-use super::{BusEntry, BusKind, DriveEntry, Protocol, Table};
+use super::{BusEntry, BusKind, ControlMode, DriveEntry, Protocol, Table};
 use crate::Range;
+use crate::bus::offered::Place;
+use crate::dynamixel;
 use crate::frame::Id;
 
 /// A mistake: the entry and its index, the value found, the advice.
 pub(super) type Mistake = (Option<(&'static str, usize)>, String, &'static str);
 
 /// The value found, and the advice.
-type Refusal = (String, &'static str);
+pub(super) type Refusal = (String, &'static str);
 
 /// Servos on one serial line, whose numbers one packet names.
 const SERVOS: usize = 50;
@@ -55,7 +57,9 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         let advice = "write bits per second, from `bitrate` to 8000000";
         return refuse("a bitrate of data below the other, or too high", advice);
     }
-    if let Some(interface) = &bus.interface {
+    if let Some(place) = bus.interface.as_deref().and_then(Place::of) {
+        check_place(bus, place)?;
+    } else if let Some(interface) = &bus.interface {
         let is_path = interface.starts_with('/');
         if is_serial && !is_path {
             let message = format!("a serial line named {interface:?}");
@@ -73,26 +77,53 @@ fn check_bus(bus: &BusEntry, before: &[BusEntry]) -> Result<(), Refusal> {
         let advice = "give all of them an `interface`, or none";
         return refuse("simulated buses and real ones in one table", advice);
     }
+    let is_offered = |bus: &BusEntry| bus.interface.as_deref().is_some_and(|name| Place::of(name).is_some());
+    if before.first().is_some_and(|first| is_offered(first) != is_offered(bus)) {
+        let advice = "give all of them a place of a simulated bus (`unix:`, `pty:`), or none";
+        return refuse("simulated buses and interfaces of the computer in one table", advice);
+    }
     if before.iter().any(|other| other.name == bus.name) {
         return Err((format!("bus `{}` stands there twice", bus.name), "name each bus once"));
     }
     Ok(())
 }
 
+/// The place of a simulated bus that other programs open.
+fn check_place(bus: &BusEntry, place: Place<'_>) -> Result<(), Refusal> {
+    let refuse = |message: &str, advice| Err((format!("bus `{}`: {message}", bus.name), advice));
+    match place {
+        Place::Socket(name)
+            if name.is_empty() || name.len() > 60 || !name.bytes().all(|c| c.is_ascii_graphic()) =>
+        {
+            refuse(&format!("a socket named {name:?}"), "write `unix:NAME`, with 1 to 60 letters")
+        }
+        Place::Terminal(path) if !path.starts_with('/') => {
+            let advice =
+                "write `pty:PATH`, with the whole path of a link that is made, such as `pty:/tmp/can0`";
+            refuse(&format!("a terminal at {path:?}"), advice)
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Refuses drives on one bus whose identifiers mean something else in the protocol of others.
 fn check_speakers(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     let on_bus = || table.drives.iter().filter(|drive| drive.bus == bus.name);
-    let takes_all = |protocol| matches!(protocol, Protocol::Odrive | Protocol::Cia402);
+    let takes_all =
+        |protocol: Protocol| matches!(protocol, Protocol::Odrive | Protocol::Cia402) || protocol.is_servo();
     let Some(first) = on_bus().next() else { return Ok(()) };
     let other = on_bus().find(|drive| drive.protocol != first.protocol);
     if let Some(other) = other
         && (takes_all(first.protocol) || takes_all(other.protocol))
     {
         let message = format!(
-            "bus `{}`: drives of {:?} and {:?}, whose identifiers overlap",
+            "bus `{}`: drives of {:?} and {:?}, which do not share a bus",
             bus.name, first.protocol, other.protocol
         );
-        return Err((message, "put ODrives and CANopen drives on buses of their own"));
+        return Err((
+            message,
+            "put ODrives, CANopen drives, and the servos of each protocol on buses of their own",
+        ));
     }
     if bus.kind == BusKind::Serial && on_bus().count() > SERVOS {
         let message = format!("bus `{}`: {} servos, expected at most {SERVOS}", bus.name, on_bus().count());
@@ -113,7 +144,7 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
     let first = u8::from(drive.protocol != Protocol::Odrive);
     if drive.node < first || drive.node > drive.protocol.last_node() {
         let advice = "nodes are numbered from 1 (ODrive: 0); those of Damiao drives end at 15, of ODrives at 63, of \
-                      CiA 402 and moteus at 126, of servos at 253";
+                      CiA 402 and moteus at 126, of servos at 253 (Dynamixel: 252)";
         return refuse(format!("node {}", drive.node), advice);
     }
     if before.iter().any(|other| other.bus == drive.bus && other.node == drive.node) {
@@ -165,6 +196,7 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
             "drives with a loop of their own",
         ),
         ("report_every", drive.report_every.is_some(), protocol == Protocol::Odrive, "ODrive"),
+        ("eds", drive.eds.is_some(), is_cia402, "CiA 402"),
         ("increments", drive.increments.is_some(), is_cia402, "CiA 402"),
         ("rated_torque", drive.rated_torque.is_some(), is_cia402, "CiA 402"),
     ];
@@ -175,9 +207,11 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     let positive = |value: Option<f64>| value.is_some_and(|value| value.is_finite() && value > 0.0);
     if is_cia402 && !(positive(drive.increments) && positive(drive.rated_torque)) {
         let message = format!("increments {:?}, rated torque {:?}", drive.increments, drive.rated_torque);
-        let advice =
-            "write `increments` per turn of the output shaft, and `rated_torque`, object 0x6076 in N m";
+        let advice = "write `increments` per turn of the output shaft, and `rated_torque`, object 0x6076 in N m, or an `eds` that has them";
         return Err((message, advice));
+    }
+    if drive.mode == Some(ControlMode::Velocity) && !is_cia402 {
+        return Err(("velocities, which are a mode of CiA 402".into(), "write \"position\" or \"torque\""));
     }
     if is_cia402 && !drive.watchdog.ns.is_multiple_of(1_000_000) {
         return Err((
@@ -189,10 +223,26 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
         let advice = "write `watchdog = \"0 s\"`, and `allow_no_watchdog = true` for the adapter: it holds its last goal";
         return Err(("a watchdog, which such a servo does not have".into(), advice));
     }
+    let (unit_ns, most) = (dynamixel::WATCHDOG_UNIT_NS, dynamixel::LONGEST_WATCHDOG);
+    if protocol == Protocol::Dynamixel
+        && !(drive.watchdog.ns.is_multiple_of(unit_ns) && drive.watchdog.ns / unit_ns <= most)
+    {
+        return Err((
+            format!("a watchdog of {} ms", drive.watchdog.ns as f64 * 1e-6),
+            "write a multiple of 20 ms, up to 2540 ms: register 98 has them",
+        ));
+    }
     if drive.report_every.is_some_and(|every| every.ns == 0) {
         return Err(("no report of the encoder".into(), "let the drive report it, every cycle if it can"));
     }
     let sound = |gain: f64| gain.is_finite() && gain >= 0.0;
+    let damps = drive.position_loop.is_none_or(|gains| gains.kd > 0.0);
+    if drive.mode == Some(ControlMode::Velocity) && !damps {
+        return Err((
+            "velocities, and a loop without `kd`".into(),
+            "write the `kd` of the velocity loop of the drive, and `kp`: their ratio, in 1/s, is the position gain in the adapter",
+        ));
+    }
     if drive.position_loop.is_some_and(|gains| !sound(gains.kd) || !positive(Some(gains.kp))) {
         return Err((
             "gains of its loop that are not positive".into(),

@@ -4,6 +4,7 @@ use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use crate::cia402::Mapping;
 use crate::mit;
 
 /// A bus of a drive table.
@@ -16,7 +17,8 @@ pub struct BusEntry {
     #[serde(default)]
     pub kind: BusKind,
     /// The network interface of the computer that it is, such as "can0" or "vcan0", or the serial line of an slcan adapter or of
-    /// serial servos, such as "/dev/ttyACM0". Without one it is simulated.
+    /// serial servos, such as "/dev/ttyACM0". Or a place at which `can.drive_sim` offers it in real time: "unix:NAME", a unix socket,
+    /// or "pty:PATH", a pseudo-terminal that speaks slcan, or packets of servos. Without one it is simulated, over topics.
     pub interface: Option<String>,
     /// Bits per second of arbitration, and of whole classic frames; of a serial line its speed.
     pub bitrate: u32,
@@ -69,18 +71,25 @@ pub struct DriveEntry {
     /// Joint position where the drive says zero (rad or m). Default 0.
     #[serde(default)]
     pub offset: f64,
-    /// The quantity that it is commanded: "position", by its own loop, or "torque", with the gains of the commands applied in the
-    /// adapter. Default "position". Of ODrive and CiA 402 only.
+    /// The quantity that it is commanded: "position", by its own loop, "velocity", with the position loop in the adapter (CiA 402
+    /// only), or "torque", with the gains of the commands applied in the adapter. Default "position". Of ODrive and CiA 402 only.
     pub mode: Option<ControlMode>,
     /// Gains of the drive's own position loop. Default: full torque at a twentieth of a radian. Of drives that are commanded
     /// positions, and of moteus.
     pub position_loop: Option<LoopEntry>,
     /// Time between two reports of the encoder, as it is set in the drive. Default 10 ms. Of ODrive only.
     pub report_every: Option<TimeSpan>,
-    /// Increments of the encoder per turn of the output shaft. Of CiA 402 only, where it is required.
+    /// Increments of the encoder per turn of the output shaft. Of CiA 402 only, where it is required unless the data sheet has it.
     pub increments: Option<f64>,
-    /// The rated torque, of which torques are thousandths: object 0x6076, N m. Of CiA 402 only, where it is required.
+    /// The rated torque, of which torques are thousandths: object 0x6076, N m. Of CiA 402 only, where it is required unless the
+    /// data sheet has it.
     pub rated_torque: Option<f64>,
+    /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table: it tells increments and rated
+    /// torque, and the table is checked against its objects, modes, mappings and limits. Of CiA 402 only.
+    pub eds: Option<String>,
+    /// Process data of which the data sheet says that their mapping cannot be written.
+    #[serde(skip)]
+    pub(crate) fixed_mappings: Vec<Mapping>,
 }
 
 fn one() -> f64 {
@@ -94,6 +103,9 @@ pub enum ControlMode {
     /// Positions, which the drive follows by a loop of its own.
     #[default]
     Position,
+    /// Velocities, which the drive follows by a loop of its own: the adapter closes the position loop around it, with the ratio of
+    /// the gains of `position_loop`, once a cycle.
+    Velocity,
     /// Torques: the adapter applies the gains of the command to the newest state, once a cycle.
     Torque,
 }
@@ -153,6 +165,8 @@ pub enum Protocol {
     Moteus,
     /// Packets of Feetech's STS servos on a serial line.
     Feetech,
+    /// Protocol 2.0 of Dynamixel's X series on a serial line.
+    Dynamixel,
 }
 
 impl Protocol {
@@ -164,7 +178,9 @@ impl Protocol {
             Self::Cubemars => mit::Reply::CubeMars,
             Self::Damiao => mit::Reply::Damiao,
             Self::Robstride => mit::Reply::RobStride,
-            Self::Odrive | Self::Cia402 | Self::Moteus | Self::Feetech => return None,
+            Self::Odrive | Self::Cia402 | Self::Moteus | Self::Feetech | Self::Dynamixel => {
+                return None;
+            }
         })
     }
 
@@ -176,13 +192,19 @@ impl Protocol {
             // 127 is the adapter's own
             Self::Cia402 | Self::Moteus => 126,
             Self::Feetech => 253,
+            Self::Dynamixel => 252,
             _ => 255,
         }
     }
 
+    /// True for servos on a serial line.
+    pub(super) fn is_servo(self) -> bool {
+        matches!(self, Self::Feetech | Self::Dynamixel)
+    }
+
     /// The kind of bus that it is spoken on.
     pub(super) fn bus(self) -> BusKind {
-        if self == Self::Feetech { BusKind::Serial } else { BusKind::Can }
+        if self.is_servo() { BusKind::Serial } else { BusKind::Can }
     }
 
     /// True for drives that are commanded positions or torques, as the table says.
@@ -192,6 +214,6 @@ impl Protocol {
 
     /// True for drives with a position loop of their own, whose gains the table says.
     pub(super) fn has_loop(self) -> bool {
-        matches!(self, Self::Odrive | Self::Cia402 | Self::Moteus | Self::Feetech)
+        matches!(self, Self::Odrive | Self::Cia402 | Self::Moteus) || self.is_servo()
     }
 }

@@ -1,14 +1,17 @@
 //! The drive table: which drive moves which joint, on which bus, by which protocol, with which settings.
 
 mod check;
+mod data_sheet;
 mod entries;
 
 use core::ops::Range as Span;
+use std::io;
 
 use serde::Deserialize;
 
 use crate::bus::bits::Rates;
 use crate::bus::budget::{Budget, Shape};
+use crate::bus::offered::Place;
 use crate::frame::{Form, Id};
 use crate::mit;
 pub use entries::{BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry};
@@ -87,20 +90,46 @@ impl Table {
     /// # Errors
     /// It is no such table, or a value in it cannot be.
     pub fn parse(text: &str) -> Result<Self, TableError> {
+        Self::parse_with(text, |path| {
+            Err(io::Error::new(io::ErrorKind::Unsupported, format!("a text alone has no {path}")))
+        })
+    }
+
+    /// Reads a table and checks it by itself; `read` reads the text of a file that it names.
+    ///
+    /// # Errors
+    /// It is no such table, a value in it cannot be, or a file that it names cannot be read.
+    pub fn parse_with(text: &str, read: impl Fn(&str) -> io::Result<String>) -> Result<Self, TableError> {
         let line = |span: Option<Span<usize>>| {
             span.map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count())
         };
-        let table: Self = toml::from_str(text).map_err(|error| TableError {
+        let mut table: Self = toml::from_str(text).map_err(|error| TableError {
             line: line(error.span()),
             entry: None,
             message: error.message().to_string(),
             advice: "the keys of a drive table stand in the page of `can.adapter`",
         })?;
-        table.check().map_err(|error| {
+        table.complete(read).and_then(|()| table.check()).map_err(|error| {
             let line = error.entry.and_then(|(entry, index)| nth_line(text, &format!("[[{entry}]]"), index));
             TableError { line, ..error }
         })?;
         Ok(table)
+    }
+
+    /// Completes the drives from their data sheets, whose texts `read` reads by their names.
+    ///
+    /// # Errors
+    /// A data sheet cannot be read, or a drive cannot be what the table says by it.
+    pub fn complete(&mut self, read: impl Fn(&str) -> io::Result<String>) -> Result<(), TableError> {
+        for (index, drive) in self.drives.iter_mut().enumerate() {
+            data_sheet::complete(drive, &read).map_err(|(message, advice)| TableError {
+                line: None,
+                entry: Some(("drive", index)),
+                message: format!("drive of `{}`: {message}", drive.joint),
+                advice,
+            })?;
+        }
+        Ok(())
     }
 
     /// Checks a table by itself.
@@ -115,6 +144,11 @@ impl Table {
     /// True if its buses are interfaces of the computer.
     pub fn is_real(&self) -> bool {
         self.buses.iter().any(|bus| bus.interface.is_some())
+    }
+
+    /// True if its buses are simulated ones that other programs open: `unix:NAME` and `pty:PATH`.
+    pub fn is_offered(&self) -> bool {
+        self.buses.iter().filter_map(|bus| bus.interface.as_deref()).any(|name| Place::of(name).is_some())
     }
 
     /// The index of a drive's bus.
@@ -151,7 +185,7 @@ impl Table {
         let bus = self.bus_of(drive).map(|bus| &self.buses[bus]);
         let is_fast = bus.is_some_and(|bus| bus.data_bitrate.is_some());
         match drive.protocol {
-            Protocol::Feetech => Form::Packet,
+            Protocol::Feetech | Protocol::Dynamixel => Form::Packet,
             // their frames are classic ones on any bus
             Protocol::Odrive | Protocol::Cia402 => Form::Classic,
             _ if is_fast => Form::FdFast,
@@ -197,6 +231,9 @@ impl Table {
                 Protocol::Feetech => {
                     exchanges.push((of(4), of(6 + usize::from(crate::feetech::STATE_BYTES))))
                 }
+                Protocol::Dynamixel => {
+                    exchanges.push((of(6), of(11 + usize::from(crate::dynamixel::STATE_BYTES))))
+                }
                 _ => {
                     let reply = drive.protocol.reply().map_or(8, mit::Reply::length);
                     exchanges.push((command, of(reply)));
@@ -213,7 +250,8 @@ impl Table {
         let mut turn_rounds = 1;
         if entry.kind == BusKind::Serial {
             // head and end of both packets; each servo in its turn
-            others.extend([Shape { form: Form::Packet, bytes: 8, ..plain }; 2]);
+            let around = if speaks(Protocol::Dynamixel) { 14 } else { 8 };
+            others.extend([Shape { form: Form::Packet, bytes: around, ..plain }; 2]);
             turn_rounds = exchanges.len() as u64;
         }
         let turn_round_ns = entry.turn_round.ns * turn_rounds;

@@ -17,7 +17,7 @@ struct Case {
     cycle_ns: u64,
 }
 
-const CASES: [Case; 6] = [
+const CASES: [Case; 7] = [
     Case { protocol: "damiao", bus: "", more: "", cycle_ns: 1_000_000 },
     Case { protocol: "odrive", bus: "", more: "report_every = \"2 ms\"", cycle_ns: 2_000_000 },
     Case {
@@ -38,12 +38,20 @@ const CASES: [Case; 6] = [
         more: "increments = 65536.0\nrated_torque = 5.0\nmode = \"torque\"",
         cycle_ns: 1_000_000,
     },
+    Case {
+        protocol: "cia402",
+        bus: "",
+        more: "increments = 65536.0\nrated_torque = 5.0\nmode = \"velocity\"\nposition_loop = { kp = 100.0, kd = 5.0 }",
+        cycle_ns: 1_000_000,
+    },
     Case { protocol: "moteus", bus: "data_bitrate = 5_000_000", more: "", cycle_ns: 1_000_000 },
 ];
 const FEETECH: Case = Case { protocol: "feetech", bus: "kind = \"serial\"", more: "", cycle_ns: 5_000_000 };
+const DYNAMIXEL: Case =
+    Case { protocol: "dynamixel", bus: "kind = \"serial\"", more: "", cycle_ns: 5_000_000 };
 
 fn all() -> impl Iterator<Item = Case> {
-    CASES.into_iter().chain([FEETECH])
+    CASES.into_iter().chain([FEETECH, DYNAMIXEL])
 }
 
 /// Two drives on a bus, and the adapter.
@@ -174,7 +182,7 @@ fn commands_turn_the_shafts_towards_their_goals() {
         let [forwards, backwards] = rig.torques;
         assert!(forwards > 0.05 && backwards < -0.05, "{}: {:?}", case.protocol, rig.torques);
         // gains of the command where they reach the drive: 4 N m/rad over 20 mrad
-        if case.more.contains("torque\"") || matches!(case.protocol, "damiao" | "moteus") {
+        if case.more.contains("\"torque\"") || matches!(case.protocol, "damiao" | "moteus") {
             assert!((forwards - 0.08).abs() < 0.01, "{}: {forwards}", case.protocol);
         }
     }
@@ -281,5 +289,73 @@ fn a_canopen_drive_that_keeps_another_watchdog_or_rated_torque_is_not_enabled() 
             None => WrongSetting::Watchdog { found: None, expected: WATCHDOG_NS },
         };
         assert_eq!(rig.adapter.wrong_setting(), Some((0, expected)));
+    }
+}
+
+#[test]
+fn a_dynamixel_stops_where_it_is_by_its_watchdog_until_it_is_checked_again() {
+    let mut rig = Rig::healthy(&DYNAMIXEL);
+    let killed_ns = rig.cycle * rig.cycle_ns;
+    // the last packet came at the end of the commands of the last cycle
+    for now_ns in (killed_ns..killed_ns + WATCHDOG_NS + STEP_NS).step_by(STEP_NS as usize) {
+        rig.step(now_ns);
+    }
+    assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled));
+    assert!(rig.drives.iter().all(|drive| drive.watchdog_trips() == 1));
+    rig.shaft = SHAFT + 0.03;
+    rig.step(killed_ns + WATCHDOG_NS + 2 * STEP_NS);
+    assert!(rig.torques.iter().all(|torque| *torque < -5.0), "it holds the place: {:?}", rig.torques);
+    // goals are refused until the watchdog is set anew, which the check of a resumed adapter does
+    rig.cycle = 2 + (killed_ns + WATCHDOG_NS) / rig.cycle_ns;
+    rig.run(5);
+    assert!(!rig.drives.iter().any(AnySimulatedDrive::is_enabled));
+    rig.adapter.trip();
+    rig.adapter.resume();
+    rig.run(50);
+    assert!(rig.drives.iter().all(AnySimulatedDrive::is_enabled));
+    assert!(rig.torques.iter().all(|torque| torque.abs() < 0.4), "{:?}", rig.torques);
+}
+
+#[test]
+fn a_dynamixel_that_keeps_another_watchdog_is_not_enabled() {
+    let keeps = Overrides { watchdog_ns: Some(100_000_000), ..Overrides::default() };
+    let mut rig = Rig::new(&DYNAMIXEL, keeps);
+    rig.run(50);
+    let wrong = WrongSetting::Watchdog { found: Some(100_000_000), expected: WATCHDOG_NS };
+    assert_eq!(rig.adapter.wrong_setting(), Some((0, wrong)));
+    assert!(!rig.drives[0].is_enabled());
+}
+
+/// Runs the adapter of one drive by a table, with the drive of the same table or of another one: whether it is enabled, and the
+/// setting that is wrong.
+pub(super) fn follow(table: &Table, drive: Option<&Table>) -> (bool, Option<WrongSetting>) {
+    let mut adapter = Adapter::new(table, &[0], &[0.3], OnTrip::Damp);
+    let mut drive = AnySimulatedDrive::new(drive.unwrap_or(table), 0, Overrides::default());
+    for cycle in 0..200_u64 {
+        let mut frames = Vec::new();
+        adapter.write(0, &mut frames);
+        adapter.sent(0, frames.len(), cycle * 1_000_000);
+        for (frame, time_ns) in frames.iter().zip(cycle * 1_000_000 + 300_000..) {
+            drive.receive(frame, time_ns, &mut |answer| {
+                adapter.take(0, &Received { frame: answer, time_ns: time_ns + 300_000 });
+            });
+        }
+        drive.step(SHAFT, 0.0, (cycle + 1) * 1_000_000);
+        adapter.end_cycle(true);
+    }
+    let wrong = adapter.wrong_setting().map(|(_, wrong)| wrong);
+    (adapter.links()[0].phase() == Phase::Enabled, wrong)
+}
+
+#[test]
+fn in_the_velocity_mode_the_adapter_closes_the_position_loop_at_the_rate_of_the_gains() {
+    let mut rig = Rig::healthy(&CASES[5]);
+    assert!(CASES[5].more.contains("velocity"));
+    // 20 mrad at 100 / 5 = 20 1/s are 0.4 rad/s, and 5 N m s/rad of them 2 N m; beside it a velocity of its own
+    for (velocity, kp, torque) in [(0.0, 4.0, 2.0), (0.1, 4.0, 2.5), (0.3, 0.0, 1.5), (0.0, 0.0, 0.0)] {
+        let goal = Setpoint { position: SHAFT + 0.02, velocity, kp, kd: 0.1, ..Setpoint::default() };
+        rig.adapter.set(0, goal);
+        rig.run(20);
+        assert!((rig.torques[0] - torque).abs() < 0.02, "{velocity} {kp}: {}", rig.torques[0]);
     }
 }

@@ -1,7 +1,7 @@
 //! Packets of serial servos, against those of the makers' manuals.
 
 use motorium_can::servo::{
-    Instruction, LONGEST, Protocol, Reader, read_instruction, read_status, write, write_status,
+    Instruction, LONGEST, Packet, Protocol, Reader, fast_answers, write, write_status,
 };
 use motorium_can::{DecodeError, feetech};
 use proptest::prelude::*;
@@ -65,6 +65,38 @@ fn packets_of_protocol_2_are_those_of_the_manual() {
 }
 
 #[test]
+fn many_servos_are_written_and_read_at_once_as_in_the_manual_of_protocol_2() {
+    let data = bytes("01 00 02 00 00 02 C7 05 00 00");
+    assert_eq!(
+        written(Protocol::Two, 0xfe, &Instruction::WriteMany { register: 116, each: 4, data: &data }),
+        bytes("FF FF FD 00 FE 11 00 83 74 00 04 00 01 00 02 00 00 02 C7 05 00 00 92 80")
+    );
+    let fast = Instruction::FastReadMany { register: 132, count: 4, servos: &[3, 7, 4] };
+    assert_eq!(
+        written(Protocol::Two, 0xfe, &fast),
+        bytes("FF FF FD 00 FE 0A 00 8A 84 00 04 00 03 07 04 20 F2")
+    );
+    // one packet, of which each servo writes a part with the checksum of all before
+    let whole = bytes(
+        "FF FF FD 00 FE 19 00 55 00 03 A6 00 00 00 84 08 00 07 1F 08 00 00 16 CA 00 04 FF 03 00 00 D1 9E",
+    );
+    let answers = |bytes: &[u8]| -> Vec<(u8, u8, Vec<u8>)> {
+        fast_answers(bytes, 4).map(|status| (status.servo, status.error, status.data.to_vec())).collect()
+    };
+    let expected = [(3, 0, vec![0xa6, 0, 0, 0]), (7, 0, vec![0x1f, 8, 0, 0]), (4, 0, vec![0xff, 3, 0, 0])];
+    assert_eq!(answers(&whole), expected);
+    // up to the first that is damaged
+    for (place, count) in [(10, 0), (15, 0), (18, 1), (28, 2), (5, 0)] {
+        let mut broken = whole.clone();
+        broken[place] ^= 1;
+        assert_eq!(answers(&broken), expected[..count], "byte {place}");
+    }
+    assert!(answers(&whole[..whole.len() - 1]).is_empty());
+    let mut packet = [0; LONGEST];
+    assert_eq!(write(Protocol::One, 0xfe, &fast, &mut packet), None);
+}
+
+#[test]
 fn both_protocols_are_read_from_one_line_with_noise_between_them() {
     let stream = bytes(
         "00 FF 12 FF FF FF 01 03 00 20 DB 55 FF FF FD 00 01 08 00 55 00 A6 00 00 00 8C C0 FF FF 01 02 00 FC",
@@ -123,19 +155,31 @@ fn a_servo_reads_what_the_adapter_writes() {
         (0xfe, Instruction::WriteMany { register: 42, each: 2, data: &data }),
         (0xfe, Instruction::ReadMany { register: 40, count: 26, servos: &[1, 2, 3] }),
     ] {
-        let packet = written(Protocol::One, servo, &instruction);
-        assert_eq!(read_instruction(&packet), Ok((servo, instruction)));
-        let mut broken = packet.clone();
-        broken[5] ^= 0x10;
-        assert!(read_instruction(&broken).is_err(), "{broken:x?}");
-        assert!(read_instruction(&packet[..packet.len() - 1]).is_err());
+        for protocol in [Protocol::One, Protocol::Two] {
+            let packet = written(protocol, servo, &instruction);
+            let mut reader = Packet::default();
+            assert_eq!(reader.instruction(&packet), Ok((protocol, servo, instruction)));
+            for place in 4..packet.len() {
+                let mut broken = packet.clone();
+                broken[place] ^= 0x10;
+                assert!(reader.instruction(&broken).is_err(), "{broken:x?}");
+            }
+            assert!(reader.instruction(&packet[..packet.len() - 1]).is_err());
+        }
     }
 }
 
 proptest! {
     #[test]
-    fn no_packet_whatever_makes_a_servo_or_the_adapter_panic(bytes in prop::collection::vec(any::<u8>(), 0..64), whole in any::<bool>()) {
-        let mut bytes = bytes;
+    fn no_packet_whatever_makes_a_servo_or_the_adapter_panic(bytes in prop::collection::vec(any::<u8>(), 0..64), whole in any::<bool>(), two in any::<bool>()) {
+        let (mut bytes, mut packet) = (bytes, Packet::default());
+        fast_answers(&bytes, 4).for_each(drop);
+        if two && bytes.len() >= 10 {
+            let (length, number) = ((bytes.len() - 7) as u8, bytes[4]);
+            bytes[..7].copy_from_slice(&[0xff, 0xff, 0xfd, 0, number, length, 0]);
+            let _ = packet.instruction(&bytes);
+            let _ = packet.status(&bytes);
+        }
         // most of them with a head and a length that fit
         if whole && bytes.len() >= 6 {
             bytes[..2].fill(0xff);
@@ -143,8 +187,8 @@ proptest! {
             let end = bytes.len() - 1;
             bytes[end] = !bytes[2..end].iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
         }
-        let _ = read_instruction(&bytes);
-        if let Ok(status) = read_status(&bytes)
+        let _ = packet.instruction(&bytes);
+        if let Ok(status) = packet.status(&bytes)
             && let Ok(state) = feetech::State::decode(status.data)
         {
             prop_assert!(state.position.abs() <= core::f64::consts::PI && state.load.abs() <= 1.024 && state.velocity.is_finite());

@@ -1,10 +1,12 @@
 //! `motorium can`: CAN buses, the devices on them, and what goes over them.
 
+mod attach;
 mod check;
 mod log;
 mod monitor;
 mod scan;
 mod send;
+mod serial;
 mod traffic;
 mod words;
 
@@ -32,6 +34,7 @@ enum Command {
     Monitor(monitor::Monitor),
     Send(send::Send),
     Log(log::Log),
+    Attach(attach::Attach),
 }
 
 impl Can {
@@ -42,6 +45,7 @@ impl Can {
             Command::Monitor(command) => command.run(),
             Command::Send(command) => command.run(),
             Command::Log(command) => command.run(),
+            Command::Attach(command) => command.run(),
         }
     }
 }

@@ -1,13 +1,13 @@
-//! `motorium can scan`: the interfaces of the computer, and the devices on one of them.
+//! `motorium can scan`: the interfaces of the computer, and the devices on one of them, or on a serial line.
 
 use std::process::ExitCode;
 use std::time::Duration;
 
 use motorium::units::TimeSpan;
-use motorium_can::{Device, DeviceKind, Found, Interface, SocketBus, scan};
+use motorium_can::{Device, DeviceKind, Found, Interface, Rates, RealBus, scan};
 use serde_json::{Value, json};
 
-use super::refused;
+use super::{refused, serial};
 use crate::exit;
 use crate::out::{out, outln};
 use crate::report::table;
@@ -17,13 +17,22 @@ use crate::report::table;
 /// Without an interface it lists those that there are. With one it reads the registers of Damiao drives 1 to 15, which changes
 /// nothing, and listens for the heartbeats of ODrives and CANopen nodes. It never enables a drive.
 ///
+/// A path is a serial line. An adapter with slcan on it is found by the version that it tells, and the bus behind it is looked at
+/// with `--bitrate`. On any other line servos are looked for at several speeds, by asking each number whether it is there.
+///
 /// The exit code is 1 if there is no interface, or no device on the one that is named.
 ///
 /// Example: motorium can scan can0
 #[derive(Debug, clap::Args)]
 pub(super) struct Scan {
-    /// The interface; lists them all if not given
+    /// The interface, such as `can0` or `/dev/ttyACM0`; lists those of the kernel if not given
     interface: Option<String>,
+    /// Bits per second of the bus behind an adapter with slcan
+    #[arg(long, default_value_t = 1_000_000)]
+    bitrate: u32,
+    /// Speeds at which servos are looked for, bit/s; all that are usual if not given
+    #[arg(long, value_delimiter = ',')]
+    speed: Vec<u32>,
     /// Duration of listening
     #[arg(long = "for", value_name = "TIME", default_value = "1s")]
     time: TimeSpan,
@@ -35,7 +44,16 @@ pub(super) struct Scan {
 impl Scan {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let Some(name) = &self.interface else { return self.list() };
-        let mut bus = SocketBus::open(name).map_err(refused)?;
+        if name.starts_with('/') && !serial::is_adapter(name)? {
+            return serial::scan(name, &self.speed, self.json);
+        }
+        let rates = Rates { nominal: self.bitrate, fast: self.bitrate };
+        let opened = if name.starts_with('/') || name.contains(':') {
+            RealBus::open(name, &rates, false)
+        } else {
+            RealBus::of_interface(name)
+        };
+        let mut bus = opened.map_err(refused)?;
         let found = scan(&mut bus, Duration::from(self.time), |_, time| std::thread::sleep(time));
         if self.json {
             let condition = bus.condition().name();
@@ -118,7 +136,7 @@ fn others(found: &Found) -> Vec<Value> {
     found.others.iter().map(|(id, count)| json!({ "id": id.to_string(), "frames": count })).collect()
 }
 
-fn describe(name: &str, bus: &SocketBus, found: &Found) -> String {
+fn describe(name: &str, bus: &RealBus, found: &Found) -> String {
     let mut text = String::new();
     for device in &found.devices {
         text += &format!("node {:>3}  {}\n", device.node, words(&device.kind));

@@ -13,7 +13,7 @@ use crate::cia402::{
 };
 use crate::frame::{DecodeError, Frame};
 use crate::mit::{Command, Fault, Feedback, Ranges, State};
-use crate::table::{ControlMode, Table};
+use crate::table::{ControlMode, LoopEntry, Table};
 
 #[derive(Clone, Debug)]
 pub(in crate::adapter) struct Cia402 {
@@ -23,6 +23,9 @@ pub(in crate::adapter) struct Cia402 {
     increments: f64,
     rated_torque: f64,
     ranges: Ranges,
+    gains: LoopEntry,
+    /// Process data whose mapping is compared, and not written.
+    fixed: Vec<Mapping>,
     /// Time between two synchronisations, ns.
     cycle_ns: u64,
     /// Process data have been started.
@@ -58,6 +61,8 @@ impl Cia402 {
             increments: entry.increments.unwrap_or(1.0),
             rated_torque: entry.rated_torque.unwrap_or(1.0),
             ranges: table.ranges(index),
+            gains: table.position_loop(index),
+            fixed: entry.fixed_mappings.clone(),
             cycle_ns: 1_000_000,
             is_started: false,
             clears: 0,
@@ -88,6 +93,7 @@ impl Cia402 {
     fn cyclic(&self) -> Mode {
         match self.mode {
             ControlMode::Position => Mode::Position,
+            ControlMode::Velocity => Mode::Velocity,
             ControlMode::Torque => Mode::Torque,
         }
     }
@@ -114,8 +120,27 @@ impl Cia402 {
             RATED_TORQUE => Service::Read(Object::RATED_TORQUE),
             step => {
                 let mapping = Mapping::ALL[usize::from(step / Mapping::STEPS) % Mapping::ALL.len()];
-                mapping.step(self.node, self.cyclic(), step % Mapping::STEPS)
+                let service = mapping.step(self.node, self.cyclic(), step % Mapping::STEPS);
+                match service {
+                    Service::Write(object, _) if object.is_mapping() && self.fixed.contains(&mapping) => {
+                        Service::Read(object)
+                    }
+                    _ => service,
+                }
             }
+        }
+    }
+
+    /// The index of an object whose mapping is compared with this setting, and the value that it must have.
+    fn fixed_mapping(&self, setting: u8) -> Option<(u16, u32)> {
+        let mapping = Mapping::ALL.get(usize::from(setting / Mapping::STEPS))?;
+        match mapping.step(self.node, self.cyclic(), setting % Mapping::STEPS) {
+            // that the count is 0 while it is changed says nothing here
+            Service::Write(_, value) if value.number() == 0 => None,
+            Service::Write(object, value) if object.is_mapping() && self.fixed.contains(mapping) => {
+                Some((object.index, value.number()))
+            }
+            _ => None,
         }
     }
 
@@ -143,6 +168,9 @@ impl Cia402 {
         };
         let target = match self.mode {
             ControlMode::Position => self.motion.target(&command) / TAU * self.increments,
+            ControlMode::Velocity => {
+                self.motion.velocity(&command, self.gains, &self.ranges) / TAU * self.increments
+            }
             ControlMode::Torque => self.motion.torque(&command, &self.ranges) / self.rated_torque * 1e3,
         };
         let setpoint = Setpoint { controlword, target: nearest(target) };
@@ -181,6 +209,12 @@ impl Cia402 {
             value => value?,
         };
         let Some(value) = value.map(Value::number) else { return Ok(None) };
+        if let Some(expected) = self.fixed_mapping(setting)
+            && expected.1 != value
+        {
+            let (index, expected) = expected;
+            return Ok(Some(WrongSetting::Mapping { index, found: value, expected }));
+        }
         Ok(match setting {
             READ_WATCHDOG => {
                 let found_ns = u64::from(value & 0xffff) * 1_000_000;

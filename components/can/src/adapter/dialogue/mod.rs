@@ -9,7 +9,7 @@ mod servo;
 use super::WrongSetting;
 use crate::frame::{DecodeError, Form, Frame};
 use crate::mit::{Command, Feedback, Ranges, State};
-use crate::table::{ControlMode, Protocol, Table};
+use crate::table::{ControlMode, LoopEntry, Protocol, Table};
 pub(super) use servo::Servo;
 
 /// The request of the adapter to a drive in a cycle.
@@ -57,7 +57,7 @@ impl Dialogue {
             (_, Some(codec)) => Self::Mit(mit::Mit::new(codec, table.drives[index].watchdog.ns)),
             (Protocol::Cia402, _) => Self::Cia402(cia402::Cia402::new(table, index)),
             (Protocol::Moteus, _) => Self::Moteus(moteus::Moteus::new(table, index)),
-            (Protocol::Feetech, _) => Self::Servo(Servo::new(table, index)),
+            (Protocol::Feetech | Protocol::Dynamixel, _) => Self::Servo(Servo::new(table, index)),
             _ => Self::Odrive(odrive::Odrive::new(table, index)),
         }
     }
@@ -67,7 +67,7 @@ impl Dialogue {
         match self {
             Self::Mit(drive) => drive.checks(),
             Self::Cia402(drive) => drive.checks(),
-            Self::Servo(_) => Servo::CHECKS,
+            Self::Servo(drive) => drive.checks(),
             Self::Odrive(_) | Self::Moteus(_) => 0,
         }
     }
@@ -86,6 +86,7 @@ impl Dialogue {
     pub(super) fn tells_its_state(&self) -> bool {
         match self {
             Self::Mit(drive) => drive.tells_its_state(),
+            Self::Servo(drive) => drive.tells_its_state(),
             _ => true,
         }
     }
@@ -179,6 +180,14 @@ impl Motion {
         } else {
             *self.held.get_or_insert(self.position)
         }
+    }
+
+    /// The velocity of a command at the newest state: that of the command, and towards its position as fast as the loop of the
+    /// drive would go there.
+    fn velocity(&self, command: &Command, gains: LoopEntry, ranges: &Ranges) -> f64 {
+        let towards =
+            if command.kp > 0.0 { gains.kp / gains.kd * (command.position - self.position) } else { 0.0 };
+        (command.velocity + towards).clamp(ranges.velocity.min, ranges.velocity.max)
     }
 
     /// The torque of a command at the newest state.

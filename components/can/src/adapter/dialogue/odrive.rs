@@ -61,7 +61,8 @@ impl Odrive {
 
     pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         let quantity = match self.mode {
-            ControlMode::Position => Quantity::Position,
+            // the table has no drives of ODrive with velocities
+            ControlMode::Position | ControlMode::Velocity => Quantity::Position,
             ControlMode::Torque => Quantity::Torque,
         };
         self.motion.begin(order);
@@ -90,14 +91,16 @@ impl Odrive {
 
     fn follow(&mut self, command: &Command) -> Instruction {
         let torque = match self.mode {
-            ControlMode::Position => command.torque.clamp(self.ranges.torque.min, self.ranges.torque.max),
+            ControlMode::Position | ControlMode::Velocity => {
+                command.torque.clamp(self.ranges.torque.min, self.ranges.torque.max)
+            }
             ControlMode::Torque => self.motion.torque(command, &self.ranges),
         };
         if !self.reports_torque {
             self.torque = torque;
         }
         match self.mode {
-            ControlMode::Position => {
+            ControlMode::Position | ControlMode::Velocity => {
                 let position = self.motion.target(command);
                 let velocity = if self.motion.held.is_some() { 0.0 } else { command.velocity };
                 Instruction::Position { position, velocity, torque }

@@ -97,16 +97,26 @@ impl Default for Reader {
 impl Reader {
     /// Takes a byte; the line that it ends, if it ends one.
     pub fn push(&mut self, byte: u8) -> Option<Line> {
+        // a bell ends whatever came before it
+        if byte == 0x07 {
+            (self.length, self.is_too_long) = (0, false);
+            return Some(Line::Refused);
+        }
+        self.end(byte).map(|line| line.map_or(Line::Other, read))
+    }
+
+    /// The adapter's side: takes a byte; the request that it ends, if it ends one.
+    pub fn push_request(&mut self, byte: u8) -> Option<Request> {
+        self.end(byte).map(|line| line.map_or(Request::Other, request))
+    }
+
+    /// Takes a byte; the line that it ends, `None` in it for one that is too long.
+    fn end(&mut self, byte: u8) -> Option<Option<&[u8]>> {
         match byte {
-            // a bell ends whatever came before it
-            0x07 => {
-                (self.length, self.is_too_long) = (0, false);
-                Some(Line::Refused)
-            }
             b'\r' => {
-                let line = if self.is_too_long { Line::Other } else { read(&self.line[..self.length]) };
-                (self.length, self.is_too_long) = (0, false);
-                Some(line)
+                let length = core::mem::take(&mut self.length);
+                let is_too_long = core::mem::take(&mut self.is_too_long);
+                Some((!is_too_long).then(|| &self.line[..length]))
             }
             b'\n' if self.length == 0 => None,
             _ if self.length == LONGEST => {
@@ -156,6 +166,87 @@ fn frame(line: &[u8]) -> Option<Frame> {
         *place = number(digits)? as u8;
     }
     Frame::new(id, form, &data[..length])
+}
+
+/// A line from the computer, as an adapter reads it.
+///
+/// ```
+/// use motorium_can::bus::slcan::{Reader, Request};
+///
+/// let mut reader = Reader::default();
+/// let requests: Vec<Request> = b"C\rS8\rO\r".iter().filter_map(|byte| reader.push_request(*byte)).collect();
+/// assert_eq!(requests, [Request::Close, Request::Bitrate(1_000_000), Request::Open]);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Request {
+    /// To send a frame.
+    Frame(Frame),
+    /// To take part in the bus.
+    Open,
+    /// To leave the bus.
+    Close,
+    /// To take this bitrate.
+    Bitrate(u32),
+    /// To take this bitrate for the data of CAN FD frames.
+    DataBitrate(u32),
+    /// To tell its version.
+    Version,
+    /// Nothing: an empty line, with which a line that was begun is ended.
+    Nothing,
+    /// A remote request, or no request of the protocol.
+    Other,
+}
+
+/// The bitrates of the protocol, by their digit.
+pub(super) const BITRATES: [u32; 9] =
+    [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000];
+
+/// The meaning of a line from the computer without its end.
+fn request(line: &[u8]) -> Request {
+    match line {
+        [] => Request::Nothing,
+        b"O" => Request::Open,
+        b"C" => Request::Close,
+        b"V" => Request::Version,
+        [b'S', digit] => {
+            let rate = digit.checked_sub(b'0').and_then(|digit| BITRATES.get(usize::from(digit)));
+            rate.map_or(Request::Other, |rate| Request::Bitrate(*rate))
+        }
+        [b'Y', digit @ (b'2' | b'5')] => Request::DataBitrate(u32::from(digit - b'0') * 1_000_000),
+        [b't' | b'T' | b'd' | b'D' | b'b' | b'B', ..] => frame(line).map_or(Request::Other, Request::Frame),
+        _ => Request::Other,
+    }
+}
+
+/// The adapter's side: a report as lines; how many bytes of `line` they have.
+pub fn write_report(report: &Report, line: &mut [u8; LONGEST]) -> usize {
+    let mut length = 0;
+    let mut put = |bytes: &[u8]| {
+        line[length..length + bytes.len()].copy_from_slice(bytes);
+        length += bytes.len();
+    };
+    let causes = [
+        (report.is_unacknowledged, b"e1a\r"),
+        (report.is_disturbed, b"e1b\r"),
+        (report.is_overflow, b"e1o\r"),
+    ];
+    causes.iter().filter(|(is, _)| *is).for_each(|(_, cause)| put(*cause));
+    if let Some(state) = report.state {
+        // where the errors are not known, the fewest of that state
+        let (letter, fewest) = match state {
+            ErrorState::Active => (b'a', 0),
+            ErrorState::Warning => (b'w', 96),
+            ErrorState::Passive => (b'p', 128),
+            ErrorState::Off => (b'b', 255),
+        };
+        let [sender, receiver] = report.counters.unwrap_or([fewest, 0]);
+        let digits = |number: u8| [b'0' + number / 100, b'0' + number / 10 % 10, b'0' + number % 10];
+        put(&[b's', letter]);
+        put(&digits(receiver));
+        put(&digits(sender));
+        put(b"\r");
+    }
+    length
 }
 
 /// `saRRRTTT`: the state, and the errors counted as receiver and as sender, in decimal digits.

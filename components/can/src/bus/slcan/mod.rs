@@ -4,6 +4,7 @@
 //! [`write`] and [`Reader`] are the codec; a [`SlcanBus`] is a bus over such a line, which needs no driver and no rights over
 //! network interfaces.
 
+mod attach;
 mod codec;
 
 use std::fs::File;
@@ -11,15 +12,15 @@ use std::io::{self, Read as _, Write as _};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::{Duration, Instant};
 
-use crate::bus::time::monotonic_ns;
-
 use super::bits::Rates;
-use super::report::{ErrorState, Report};
-use super::serial;
+use super::report::Report;
 use super::socket::{Condition, OpenError, SocketCounts};
+use super::terminal::{self, Terminal};
+use super::time::monotonic_ns;
 use super::{Bus, Received};
 use crate::frame::{Frame, Id};
-pub use codec::{LONGEST, Line, Reader, write};
+pub use attach::Attached;
+pub use codec::{LONGEST, Line, Reader, Request, write, write_report};
 
 /// A bus behind an adapter on a serial line.
 ///
@@ -35,54 +36,28 @@ pub use codec::{LONGEST, Line, Reader, write};
 /// ```
 #[derive(Debug)]
 pub struct SlcanBus {
-    path: String,
     rates: Rates,
     is_fd: bool,
-    file: File,
+    line: Terminal,
     reader: Reader,
     text: Vec<u8>,
-    /// The end of a line of which the beginning is written already.
-    rest: Vec<u8>,
-    bytes: Box<[u8; 1024]>,
-    /// Bytes of `bytes` that are yet to be read, from where to where.
-    unread: (usize, usize),
-    filters: Vec<Id>,
-    condition: Condition,
     counters: [u8; 2],
-    counts: SocketCounts,
-    reopen_ns: u64,
 }
 
 /// Frames of which the text goes to the line at once.
 const BATCH: usize = 32;
-/// Time after which an adapter that has gone is looked for again, ns.
-const REOPEN_NS: u64 = 1_000_000_000;
 /// Time within which an adapter refuses what it does not know.
 const SETTLE: Duration = Duration::from_millis(50);
 
 /// The command that sets a bitrate; `None` for one that the protocol does not know.
-fn bitrate(rate: u32) -> Option<&'static str> {
-    Some(match rate {
-        10_000 => "S0\r",
-        20_000 => "S1\r",
-        50_000 => "S2\r",
-        100_000 => "S3\r",
-        125_000 => "S4\r",
-        250_000 => "S5\r",
-        500_000 => "S6\r",
-        800_000 => "S7\r",
-        1_000_000 => "S8\r",
-        _ => return None,
-    })
+fn bitrate(rate: u32) -> Option<String> {
+    let digit = codec::BITRATES.iter().position(|known| *known == rate)?;
+    Some(format!("S{digit}\r"))
 }
 
 /// The command that sets the bitrate of the data.
-fn data_bitrate(rate: u32) -> Option<&'static str> {
-    match rate {
-        2_000_000 => Some("Y2\r"),
-        5_000_000 => Some("Y5\r"),
-        _ => None,
-    }
+fn data_bitrate(rate: u32) -> Option<String> {
+    matches!(rate, 2_000_000 | 5_000_000).then(|| format!("Y{}\r", rate / 1_000_000))
 }
 
 /// Sets an adapter up: closes its channel, sets the bitrates, opens it.
@@ -92,12 +67,9 @@ fn set_up(path: &str, rates: &Rates, is_fd: bool) -> Result<File, OpenError> {
     let nominal = bitrate(rates.nominal).ok_or_else(|| unknown(rates.nominal))?;
     let fast = match is_fd {
         true => data_bitrate(rates.fast).ok_or_else(|| unknown(rates.fast))?,
-        false => "",
+        false => String::new(),
     };
-    let mut file = serial::open(path, libc::B1000000).map_err(|error| match error.kind() {
-        io::ErrorKind::NotFound => OpenError::NoLine(path.into()),
-        _ => refused(error),
-    })?;
+    let mut file = terminal::open(path, libc::B1000000)?;
     // a channel that is closed already may refuse to be closed
     file.write_all(b"\rC\r").map_err(refused)?;
     let _ = answers(&mut file, SETTLE, usize::MAX);
@@ -128,6 +100,27 @@ fn answers(file: &mut File, within: Duration, count: usize) -> Vec<Line> {
     lines
 }
 
+/// The version that an adapter with slcan on a serial line tells; `None` if there is no such adapter, or it tells none.
+///
+/// # Errors
+/// There is no such line, or it cannot be opened.
+pub fn adapter_version(path: &str) -> Result<Option<String>, OpenError> {
+    let mut file = terminal::open(path, libc::B1000000)?;
+    file.write_all(b"\rV\r").map_err(|error| OpenError::Refused(path.into(), error))?;
+    let (until, mut text) = (Instant::now() + 2 * SETTLE, Vec::new());
+    let mut bytes = [0; 64];
+    while Instant::now() < until {
+        match file.read(&mut bytes) {
+            Ok(length @ 1..) => text.extend_from_slice(&bytes[..length]),
+            _ => std::thread::sleep(Duration::from_millis(1)),
+        }
+    }
+    // an answer is a line of plain text that is longer than an acknowledgement
+    let is_plain = |line: &&[u8]| line.len() > 2 && line.iter().all(|byte| matches!(byte, 0x20..=0x7e));
+    let line = text.split(|byte| matches!(byte, b'\r' | b'\n' | 0x07)).find(is_plain);
+    Ok(line.map(|line| String::from_utf8_lossy(line).into_owned()))
+}
+
 impl SlcanBus {
     /// Opens the adapter on a serial line for a bus of these rates.
     ///
@@ -135,31 +128,23 @@ impl SlcanBus {
     /// There is no such line, it cannot be opened, or the adapter does not know the bitrate.
     pub fn open(path: &str, rates: Rates, is_fd: bool) -> Result<Self, OpenError> {
         Ok(Self {
-            path: path.into(),
             rates,
             is_fd,
-            file: set_up(path, &rates, is_fd)?,
+            line: Terminal::new(path, set_up(path, &rates, is_fd)?, LONGEST),
             reader: Reader::default(),
             text: Vec::with_capacity(BATCH * LONGEST),
-            rest: Vec::with_capacity(LONGEST),
-            bytes: Box::new([0; 1024]),
-            unread: (0, 0),
-            filters: Vec::new(),
-            condition: Condition::Active,
             counters: [0; 2],
-            counts: SocketCounts::default(),
-            reopen_ns: 0,
         })
     }
 
     /// Its line.
     pub fn name(&self) -> &str {
-        &self.path
+        self.line.path()
     }
 
     /// Its condition: as the adapter reports, where it does, and whether it is there.
     pub fn condition(&self) -> Condition {
-        self.condition
+        self.line.condition
     }
 
     /// Errors that its controller has counted as sender and as receiver, as it reported last.
@@ -169,140 +154,62 @@ impl SlcanBus {
 
     /// Its counts.
     pub fn counts(&self) -> &SocketCounts {
-        &self.counts
+        &self.line.counts
     }
 
     /// True for a pseudo-terminal, behind which there is a program and no wire.
     pub fn is_virtual(&self) -> bool {
-        std::fs::canonicalize(&self.path).is_ok_and(|path| path.starts_with("/dev/pts"))
+        self.line.is_virtual()
     }
 
     /// Receives frames with these identifiers only.
     pub fn receive_only(&mut self, ids: &[Id]) {
-        self.filters = ids.to_vec();
+        self.line.receive_only(ids);
     }
 
     fn take(&mut self, report: &Report) {
-        self.counts.reports += 1;
-        self.counts.unacknowledged += u64::from(report.is_unacknowledged);
-        self.counts.disturbed += u64::from(report.is_disturbed);
-        self.counts.overflows += u64::from(report.is_overflow);
+        let Terminal { counts, condition, .. } = &mut self.line;
+        counts.take(report, *condition);
         self.counters = report.counters.unwrap_or(self.counters);
-        if let Some(state) = report.state {
-            let is_new = state == ErrorState::Off && self.condition != Condition::Off;
-            self.counts.bus_off += u64::from(is_new);
-            self.condition = state.into();
-        }
-    }
-
-    /// Notes that the adapter has gone.
-    fn lose(&mut self) {
-        if self.condition != Condition::Gone {
-            self.counts.down += 1;
-            self.condition = Condition::Gone;
-            self.reopen_ns = monotonic_ns() + REOPEN_NS;
-        }
-    }
-
-    /// Looks for an adapter that has gone, once a second.
-    fn look_again(&mut self) {
-        let now_ns = monotonic_ns();
-        if now_ns < self.reopen_ns {
-            return;
-        }
-        self.reopen_ns = now_ns + REOPEN_NS;
-        if let Ok(file) = set_up(&self.path, &self.rates, self.is_fd) {
-            (self.file, self.condition, self.reader) = (file, Condition::Active, Reader::default());
-            self.rest.clear();
-            self.unread = (0, 0);
-        }
-    }
-
-    /// Writes what is left of a line; false if some of it is still left.
-    fn finish_line(&mut self) -> bool {
-        while !self.rest.is_empty() {
-            match self.file.write(&self.rest) {
-                Ok(0) => return false,
-                Ok(count) => drop(self.rest.drain(..count)),
-                Err(error) => {
-                    self.fail(&error);
-                    return false;
-                }
-            }
-        }
-        true
-    }
-
-    fn fail(&mut self, error: &io::Error) {
-        match error.kind() {
-            io::ErrorKind::WouldBlock => self.counts.queue_full += 1,
-            io::ErrorKind::Interrupted => {}
-            _ => self.lose(),
-        }
-    }
-
-    /// The next byte, if one is there.
-    fn next_byte(&mut self) -> Option<u8> {
-        if self.unread.0 == self.unread.1 {
-            match self.file.read(&mut self.bytes[..]) {
-                // a line that has hung up
-                Ok(0) => {
-                    self.lose();
-                    return None;
-                }
-                Ok(count) => self.unread = (0, count),
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return None,
-                Err(error) => {
-                    self.fail(&error);
-                    return None;
-                }
-            }
-        }
-        self.unread.0 += 1;
-        self.bytes.get(self.unread.0 - 1).copied()
+        *condition = report.state.map_or(*condition, Condition::from);
     }
 }
 
 impl AsFd for SlcanBus {
     fn as_fd(&self) -> BorrowedFd<'_> {
-        self.file.as_fd()
+        self.line.as_fd()
     }
 }
 
 impl Bus for SlcanBus {
     fn send(&mut self, frames: &[Frame]) -> usize {
-        if self.condition == Condition::Gone {
-            self.look_again();
+        let Self { rates, is_fd, line, reader, text, .. } = self;
+        if line.look_again(|path| set_up(path, rates, *is_fd)) {
+            *reader = Reader::default();
         }
-        if !self.condition.can_send() || !self.finish_line() {
+        if !line.condition.can_send() || !line.flush() {
             return 0;
         }
         let mut sent = 0;
         for batch in frames.chunks(BATCH) {
-            self.text.clear();
-            let mut line = [0; LONGEST];
+            text.clear();
+            let mut one = [0; LONGEST];
             for frame in batch {
-                let length = write(frame, &mut line);
-                self.text.extend_from_slice(&line[..length]);
+                let length = write(frame, &mut one);
+                text.extend_from_slice(&one[..length]);
             }
-            let written = match self.file.write(&self.text) {
-                Ok(written) => written,
-                Err(error) => {
-                    self.fail(&error);
-                    return sent;
-                }
-            };
+            let written = line.write(text);
             // a line that is begun is finished before the next one
-            let whole = self.text[..written].iter().filter(|byte| **byte == b'\r').count();
-            let is_begun = written > 0 && self.text[written - 1] != b'\r';
+            let whole = text[..written].iter().filter(|byte| **byte == b'\r').count();
+            let is_begun = written > 0 && text[written - 1] != b'\r';
             sent += whole + usize::from(is_begun);
             if is_begun {
-                let end =
-                    self.text[written..].iter().position(|byte| *byte == b'\r').map_or(0, |end| end + 1);
-                self.rest.extend_from_slice(&self.text[written..written + end]);
+                let end = text[written..].iter().position(|byte| *byte == b'\r').map_or(0, |end| end + 1);
+                line.push(&text[written..written + end]);
             }
-            if written < self.text.len() {
-                self.counts.queue_full += 1;
+            if written < text.len() {
+                // where nothing at all was written, that is counted already
+                line.counts.queue_full += u64::from(written > 0);
                 return sent;
             }
         }
@@ -310,21 +217,21 @@ impl Bus for SlcanBus {
     }
 
     fn receive(&mut self, frames: &mut [Received]) -> usize {
-        if self.condition == Condition::Gone {
+        if self.line.condition == Condition::Gone {
             return 0;
         }
         let (mut count, time_ns) = (0, monotonic_ns());
         while count < frames.len() {
-            let Some(byte) = self.next_byte() else { break };
+            let Some(byte) = self.line.next_byte() else { break };
             match self.reader.push(byte) {
-                Some(Line::Frame(frame)) if self.filters.is_empty() || self.filters.contains(&frame.id) => {
+                Some(Line::Frame(frame)) if self.line.wants(frame.id) => {
                     frames[count] = Received { frame, time_ns };
                     count += 1;
                 }
                 Some(Line::Report(report)) => self.take(&report),
-                Some(Line::Other) => self.counts.other += 1,
+                Some(Line::Other) => self.line.counts.other += 1,
                 // a frame that the adapter had no room for
-                Some(Line::Refused) => self.counts.queue_full += 1,
+                Some(Line::Refused) => self.line.counts.queue_full += 1,
                 Some(Line::Frame(_) | Line::Done) | None => {}
             }
         }

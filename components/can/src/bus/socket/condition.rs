@@ -1,6 +1,6 @@
 //! The condition of a bus of the computer, and counts of what has happened on it.
 
-use crate::bus::report::ErrorState;
+use crate::bus::report::{ErrorState, Report};
 
 /// The condition of a bus.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -69,4 +69,15 @@ pub struct SocketCounts {
     pub overflows: u64,
     /// Remote requests, and what is no frame.
     pub other: u64,
+}
+
+impl SocketCounts {
+    /// Counts a report of the controller of a bus that was in this condition.
+    pub(in crate::bus) fn take(&mut self, report: &Report, before: Condition) {
+        self.reports += 1;
+        self.unacknowledged += u64::from(report.is_unacknowledged);
+        self.disturbed += u64::from(report.is_disturbed);
+        self.overflows += u64::from(report.is_overflow);
+        self.bus_off += u64::from(report.state == Some(ErrorState::Off) && before != Condition::Off);
+    }
 }

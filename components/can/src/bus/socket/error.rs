@@ -35,6 +35,9 @@ pub enum OpenError {
     /// There is no such serial line.
     #[error("there is no serial line `{0}`")]
     NoLine(String),
+    /// No program offers a simulated bus by this name.
+    #[error("no program offers the simulated bus `unix:{0}`")]
+    NotOffered(String),
     /// An adapter on a serial line knows no such bitrate.
     #[error("the adapter on `{name}` knows no {rate} bit/s")]
     NoBitrate {
@@ -89,6 +92,9 @@ impl OpenError {
             ),
             Self::NoLine(_) => {
                 "plug the adapter in: `ls /dev/serial/by-id` lists the lines that there are".into()
+            }
+            Self::NotOffered(_) => {
+                "start the graph whose `can.drive_sim` has this bus in its drive table, in real time".into()
             }
             Self::NoBitrate { .. } => {
                 "slcan knows 10, 20, 50, 100, 125, 250, 500, 800 and 1000 kbit/s, and 2 and 5 Mbit/s for data".into()

@@ -16,9 +16,9 @@ use std::os::fd::{AsFd, BorrowedFd};
 
 use socketcan::{CanFdSocket, CanFilter, Socket, SocketOptions, timestamp};
 
-use super::report::{ErrorState, Report};
+use super::report::Report;
 use super::{Bus, Received};
-use crate::bus::time::{monotonic_ns, realtime_ns};
+use crate::bus::time::{Retry, monotonic_ns, realtime_ns};
 use crate::frame::{Frame, Id};
 use batch::Batch;
 pub(crate) use batch::Waiting;
@@ -54,12 +54,8 @@ pub struct SocketBus {
     counters: [u8; 2],
     counts: SocketCounts,
     overflows: u32,
-    /// Time at which an interface that has gone is looked for again, ns.
-    reopen_ns: u64,
+    retry: Retry,
 }
-
-/// Time after which an interface that has gone is looked for again, ns.
-const REOPEN_NS: u64 = 1_000_000_000;
 
 impl SocketBus {
     /// Opens an interface that is up.
@@ -83,7 +79,7 @@ impl SocketBus {
             counters: [0; 2],
             counts: SocketCounts::default(),
             overflows: 0,
-            reopen_ns: 0,
+            retry: Retry::default(),
         };
         bus.set_options().map_err(|error| OpenError::Refused(name.into(), error))?;
         Ok(bus)
@@ -176,16 +172,9 @@ impl SocketBus {
     }
 
     fn take(&mut self, report: &Report) {
-        let counts = &mut self.counts;
-        counts.reports += 1;
-        counts.unacknowledged += u64::from(report.is_unacknowledged);
-        counts.disturbed += u64::from(report.is_disturbed);
-        counts.overflows += u64::from(report.is_overflow);
+        self.counts.take(report, self.condition);
         self.counters = report.counters.unwrap_or(self.counters);
-        if let Some(state) = report.state {
-            counts.bus_off += u64::from(state == ErrorState::Off && self.condition != Condition::Off);
-            self.condition = state.into();
-        }
+        self.condition = report.state.map_or(self.condition, Condition::from);
     }
 
     /// Takes an error of the socket; true if the call may be tried again.
@@ -203,22 +192,20 @@ impl SocketBus {
         if self.condition != Condition::Gone && self.condition != condition {
             self.counts.down += u64::from(self.condition != Condition::Down);
             self.condition = condition;
-            self.reopen_ns = monotonic_ns() + REOPEN_NS;
+            self.retry.begin();
         }
         false
     }
 
     /// Looks for an interface that has gone or is down, once a second.
     fn look_again(&mut self) {
-        let now_ns = monotonic_ns();
-        if now_ns < self.reopen_ns {
+        if !self.retry.is_due() {
             return;
         }
-        self.reopen_ns = now_ns + REOPEN_NS;
         if let Ok(mut opened) = Self::open(&self.name) {
             core::mem::swap(&mut opened.filters, &mut self.filters);
             if opened.set_options().is_ok() {
-                (opened.counts, opened.reopen_ns) = (self.counts, self.reopen_ns);
+                (opened.counts, opened.retry) = (self.counts, self.retry);
                 core::mem::swap(&mut opened.batch, &mut self.batch);
                 *self = opened;
             } else {

@@ -1,5 +1,6 @@
 //! The configuration of `can.adapter`, its checks, and the state that it publishes of its drives.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
@@ -77,6 +78,10 @@ pub struct CanAdapterConfig {
     /// The drives, where no file has them.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
+    /// Interfaces of buses, by the names of the buses, instead of those of the drive table: so one table serves on simulated buses
+    /// and on real ones. Default none.
+    #[serde(default)]
+    pub interfaces: BTreeMap<String, String>,
     /// Reaction of the other drives when one is lost or reports a fault, until `motorium resume`: "damp" or
     /// "disable". Default "damp".
     #[serde(default)]
@@ -103,7 +108,12 @@ impl CanAdapterConfig {
     }
 
     pub(in crate::component) fn source(&self) -> Source<'_> {
-        Source { file: self.drives.as_deref(), buses: &self.bus, drives: &self.drive }
+        Source {
+            file: self.drives.as_deref(),
+            buses: &self.bus,
+            drives: &self.drive,
+            interfaces: &self.interfaces,
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! The configuration of `can.drive_sim`.
 
+use std::collections::BTreeMap;
+
 use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -29,6 +31,10 @@ pub struct DriveSimulationConfig {
     /// The drives, where no file has them.
     #[serde(default)]
     pub drive: Vec<DriveEntry>,
+    /// Interfaces of buses, by the names of the buses, instead of those of the drive table: so one table serves on simulated buses
+    /// and on real ones. Default none.
+    #[serde(default)]
+    pub interfaces: BTreeMap<String, String>,
     /// Time from the last bit of a command to the answer's place in the queue of the drive. Default 50 us.
     #[serde(default = "delay")]
     pub delay: TimeSpan,
@@ -64,7 +70,12 @@ pub struct SettingConfig {
 
 impl DriveSimulationConfig {
     pub(super) fn source(&self) -> Source<'_> {
-        Source { file: self.drives.as_deref(), buses: &self.bus, drives: &self.drive }
+        Source {
+            file: self.drives.as_deref(),
+            buses: &self.bus,
+            drives: &self.drive,
+            interfaces: &self.interfaces,
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! `can.drive_sim`: buses and drives of a robot that physics simulates.
 
 mod config;
+mod ends;
 mod simulated;
 mod sockets;
 
@@ -14,6 +15,7 @@ use super::{Equipped, interfaces, load};
 use crate::{AnySimulatedDrive as Drive, Frame, Id, Overrides, Table, Transmission};
 
 pub use config::DriveSimulationConfig;
+use ends::Ends;
 use simulated::{Simulated, wires};
 use sockets::Sockets;
 
@@ -111,13 +113,18 @@ impl Component for DriveSimulation {
         let mut axes = axes(&config, &equipped).map_err(ConfigureError::Config)?;
         let table = &equipped.table;
         let (faults, clock) = (faults(&config, table).map_err(ConfigureError::Config)?, setup.clock());
-        let lines = if interfaces::are_real(table, clock.kind()).map_err(ConfigureError::Config)? {
+        let is_real = interfaces::are_real(table, clock.kind()).map_err(ConfigureError::Config)?;
+        let lines = if is_real && table.is_offered() {
+            let ends = Ends::offers(table).map_err(ConfigureError::Config)?;
+            Lines::Simulated(Box::new(Simulated::new(ends, wires(table, &mut axes))))
+        } else if is_real {
             let sockets = Sockets::open(table, &axes, &faults, clock.clone());
             Lines::Sockets(sockets.map_err(ConfigureError::Config)?)
         } else {
             let (sent, received) =
                 (setup.slice_input("frames_sent")?, setup.slice_output("frames_received")?);
-            Lines::Simulated(Box::new(Simulated::new(sent, received, wires(table, &mut axes))))
+            let ends = Ends::topics(sent, received);
+            Lines::Simulated(Box::new(Simulated::new(ends, wires(table, &mut axes))))
         };
         Ok(Self {
             joint_state: setup.input("joint_state")?,

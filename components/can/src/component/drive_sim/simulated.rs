@@ -2,23 +2,18 @@
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
-use motorium::state::CanFrame;
-use motorium::transport::{SliceInput, SliceOutput};
 
+use super::ends::Ends;
 use super::{Axis, BABBLE_NS, Drives};
 use crate::bus::simulated::Event;
 use crate::component::adapter::BATCH;
 use crate::component::faults::FaultKind;
-use crate::component::wire;
 use crate::{Condition, ErrorState, Frame, Id, Report, SimulatedBus, Table};
 
-/// Simulated buses, with the topics that lead to them.
+/// Simulated buses, with what leads to them.
 pub(super) struct Simulated {
-    sent: SliceInput<CanFrame>,
-    received: SliceOutput<CanFrame>,
+    ends: Ends,
     buses: Vec<Wire>,
-    answers: Vec<CanFrame>,
-    lost: u64,
 }
 
 /// One bus: node 0 is the adapter, those from 1 on are drives, then comes one that babbles, and one like a drive.
@@ -40,6 +35,17 @@ pub(super) struct Wire {
 }
 
 impl Wire {
+    /// Frames of the computer that it has room for.
+    pub(super) fn room(&self) -> usize {
+        self.room.saturating_sub(self.bus.waiting(0))
+    }
+
+    /// Hands a frame of the computer over; one that finds no room is not sent.
+    pub(super) fn hand_over(&mut self, frame: Frame, ready_ns: u64) {
+        let fits = self.room() > 0 && self.bus.enqueue(0, frame, ready_ns);
+        self.unsent = self.unsent.saturating_add(u8::from(!fits));
+    }
+
     /// Plugs a node in or out; one that comes back begins anew.
     fn connect(&mut self, node: usize, is_connected: bool) {
         match (self.connected[node], is_connected) {
@@ -55,8 +61,8 @@ impl Wire {
 const ROOM: usize = 12;
 
 impl Simulated {
-    pub(super) fn new(sent: SliceInput<CanFrame>, received: SliceOutput<CanFrame>, buses: Vec<Wire>) -> Self {
-        Self { sent, received, buses, answers: Vec::with_capacity(BATCH), lost: 0 }
+    pub(super) fn new(ends: Ends, buses: Vec<Wire>) -> Self {
+        Self { ends, buses }
     }
 
     /// Moves the buses on to the present, and publishes what the adapter receives.
@@ -66,28 +72,14 @@ impl Simulated {
         clock: &RunClock,
         now_ns: u64,
     ) -> Result<(), StepError> {
-        self.hear(clock);
+        let Self { ends, buses } = self;
+        ends.hear(clock.stamp_ns(0), buses);
         self.begin_faults(drives, now_ns);
-        self.answers.clear();
         for index in 0..self.buses.len() {
             self.run_bus(index, now_ns, drives);
         }
-        drives.lost += core::mem::take(&mut self.lost);
-        self.publish()
-    }
-
-    /// Hands the frames of the adapter to their buses, at the time at which it sent them.
-    fn hear(&mut self, clock: &RunClock) {
-        let start_ns = clock.stamp_ns(0);
-        while let Some((stamp, frames)) = self.sent.next_unread() {
-            let ready_ns = stamp.publish_time.saturating_sub(start_ns);
-            for frame in frames {
-                let Some(wire) = self.buses.get_mut(frame.bus as usize) else { continue };
-                let Some(data) = wire::from_topic(frame) else { continue };
-                let fits = wire.bus.waiting(0) < wire.room && wire.bus.enqueue(0, data, ready_ns);
-                wire.unsent = wire.unsent.saturating_add(u8::from(!fits));
-            }
-        }
+        drives.lost += self.ends.publish()?;
+        Ok(())
     }
 
     /// The faults of buses, and the nodes that are on them.
@@ -145,7 +137,7 @@ impl Simulated {
                     });
                 }
                 Event::Delivered { frame, time_ns, .. } if wire.bus.state(0) != ErrorState::Off => {
-                    self.tell(wire::to_topic(&frame, index, time_ns));
+                    self.ends.tell(index, &frame, time_ns);
                 }
                 Event::Disturbed { sender: 0, is_unacknowledged: true, .. } => wire.is_unacknowledged = true,
                 Event::Delivered { .. } | Event::Disturbed { .. } => {}
@@ -164,9 +156,14 @@ impl Simulated {
         wire.unsent = 0;
         if condition == Condition::Down {
             if before != condition {
-                self.tell(wire::down(index, now_ns));
+                self.ends.set_down(index, true, now_ns);
             }
-        } else if before != condition || is_unacknowledged || unsent > 0 {
+            return;
+        }
+        if before == Condition::Down {
+            self.ends.set_down(index, false, now_ns);
+        }
+        if before != condition || is_unacknowledged || unsent > 0 {
             let report = Report {
                 state: (before != condition).then_some(state),
                 is_unacknowledged,
@@ -174,26 +171,8 @@ impl Simulated {
                 is_restart: !before.can_send() && condition.can_send(),
                 ..Report::default()
             };
-            self.tell(wire::report(&report, unsent, index, now_ns));
+            self.ends.report(index, &report, unsent, now_ns);
         }
-    }
-
-    /// Lets the adapter receive a frame; what its batch has no room for is lost, as with a full buffer.
-    fn tell(&mut self, frame: CanFrame) {
-        if self.answers.len() < BATCH {
-            self.answers.push(frame);
-        } else {
-            self.lost += 1;
-        }
-    }
-
-    fn publish(&mut self) -> Result<(), StepError> {
-        if self.answers.is_empty() {
-            return Ok(());
-        }
-        let mut out = self.received.loan(self.answers.len())?;
-        out.copy_from_slice(&self.answers);
-        out.publish()
     }
 }
 

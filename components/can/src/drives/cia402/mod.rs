@@ -4,6 +4,7 @@
 //! A drive goes through a state machine by `controlword` 0x6040 and tells its state in `statusword` 0x6041. Setpoints go
 //! out once per synchronisation, and take effect with it.
 
+pub mod eds;
 mod service;
 
 use crate::frame::{DecodeError, Frame, Id, exactly};

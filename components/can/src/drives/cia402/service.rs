@@ -29,6 +29,13 @@ impl Object {
     pub const INTERPOLATION_UNITS: Self = Self { index: 0x60c2, subindex: 1 };
     /// The time between two setpoints: power of ten of the unit in seconds.
     pub const INTERPOLATION_EXPONENT: Self = Self { index: 0x60c2, subindex: 2 };
+    /// The cyclic modes that the drive knows, a bit each.
+    pub const SUPPORTED_MODES: Self = Self { index: 0x6502, subindex: 0 };
+
+    /// True for one that says which objects a frame of process data has.
+    pub fn is_mapping(self) -> bool {
+        matches!(self.index, 0x1600..=0x17ff | 0x1a00..=0x1bff)
+    }
 }
 
 /// A frame of process data that is set up: its parameters, and the objects mapped into it.

@@ -6,7 +6,7 @@
 mod packet;
 
 use crate::frame::DecodeError;
-pub use packet::{read_instruction, read_status};
+pub use packet::{Packet, fast_answers};
 
 /// The number that all servos hear.
 pub const EVERYBODY: u8 = 0xfe;
@@ -59,6 +59,15 @@ pub enum Instruction<'a> {
         /// The numbers of the servos.
         servos: &'a [u8],
     },
+    /// The same, and they answer in one packet together: [`fast_answers`]. Of protocol 2, where the firmware knows it.
+    FastReadMany {
+        /// The first register.
+        register: u16,
+        /// Number of bytes.
+        count: u8,
+        /// The numbers of the servos.
+        servos: &'a [u8],
+    },
 }
 
 const PING: u8 = 0x01;
@@ -67,14 +76,15 @@ const WRITE: u8 = 0x03;
 const STATUS: u8 = 0x55;
 const READ_MANY: u8 = 0x82;
 const WRITE_MANY: u8 = 0x83;
+const FAST_READ_MANY: u8 = 0x8a;
 
 /// A packet as it is written.
-struct Packet<'a> {
+struct Writer<'a> {
     bytes: &'a mut [u8; LONGEST],
     length: usize,
 }
 
-impl Packet<'_> {
+impl Writer<'_> {
     fn put(&mut self, bytes: &[u8]) -> Option<()> {
         let end = self.length + bytes.len();
         self.bytes.get_mut(self.length..end)?.copy_from_slice(bytes);
@@ -112,6 +122,8 @@ pub fn write(
         Instruction::Write { .. } => (WRITE, false),
         Instruction::ReadMany { .. } => (READ_MANY, true),
         Instruction::WriteMany { .. } => (WRITE_MANY, true),
+        Instruction::FastReadMany { .. } if protocol == Protocol::Two => (FAST_READ_MANY, true),
+        Instruction::FastReadMany { .. } => return None,
     };
     let servo = if many { EVERYBODY } else { servo };
     if servo > EVERYBODY {
@@ -129,7 +141,8 @@ pub fn write(
             out.word(protocol, register)?;
             out.put(data)?;
         }
-        Instruction::ReadMany { register, count, servos } => {
+        Instruction::ReadMany { register, count, servos }
+        | Instruction::FastReadMany { register, count, servos } => {
             out.word(protocol, register)?;
             out.word(protocol, count.into())?;
             out.put(servos)?;
@@ -163,17 +176,17 @@ pub fn write_status(
     end(protocol, out)
 }
 
-fn begin(protocol: Protocol, servo: u8, bytes: &mut [u8; LONGEST]) -> Packet<'_> {
+fn begin(protocol: Protocol, servo: u8, bytes: &mut [u8; LONGEST]) -> Writer<'_> {
     let head: &[u8] = match protocol {
         Protocol::One => &[0xff, 0xff, servo, 0],
         Protocol::Two => &[0xff, 0xff, 0xfd, 0, servo, 0, 0],
     };
     bytes[..head.len()].copy_from_slice(head);
-    Packet { bytes, length: head.len() }
+    Writer { bytes, length: head.len() }
 }
 
 /// Adds length and checksum.
-fn end(protocol: Protocol, mut out: Packet<'_>) -> Option<usize> {
+fn end(protocol: Protocol, mut out: Writer<'_>) -> Option<usize> {
     match protocol {
         Protocol::One => {
             out.bytes[3] = u8::try_from(out.length - 3).ok()?;
@@ -256,10 +269,11 @@ impl Reader {
         })
     }
 
-    /// Takes a byte; the bytes of the packet of protocol 1 that it ends, if it ends one, whatever they hold.
-    pub(crate) fn push_raw(&mut self, byte: u8) -> Option<&[u8]> {
+    /// Takes a byte; the number of the servo and the bytes of the packet that it ends, if it ends one, whatever they hold.
+    pub(crate) fn push_raw(&mut self, byte: u8) -> Option<(u8, &[u8])> {
         let (protocol, whole) = self.end(byte)?;
-        (protocol == Protocol::One).then(|| &self.bytes[..whole])
+        let servo = self.bytes[if protocol == Protocol::One { 2 } else { 4 }];
+        Some((servo, &self.bytes[..whole]))
     }
 
     /// Takes a byte; the protocol and the length of the packet that it ends.
@@ -298,7 +312,7 @@ impl Reader {
         match &self.bytes[..self.length] {
             [0xff, 0xff, 0xfd, 0, _, low, high, ..] => {
                 let length = usize::from(u16::from_le_bytes([*low, *high]));
-                Some((Protocol::Two, if length < 4 { LONGEST + 1 } else { 7 + length }))
+                Some((Protocol::Two, if length < 3 { LONGEST + 1 } else { 7 + length }))
             }
             [0xff, 0xff, 0xfd, 0, ..] => None,
             [0xff, 0xff, _, length, ..] => Some((Protocol::One, 4 + usize::from(*length))),
@@ -316,22 +330,13 @@ fn one(packet: &[u8]) -> Result<Status<'_>, DecodeError> {
 }
 
 fn two(packet: &mut [u8]) -> Result<Status<'_>, DecodeError> {
-    let end = packet.len() - 2;
-    let sum = u16::from_le_bytes([packet[end], packet[end + 1]]);
-    if crc(&packet[..end]) != sum {
-        return Err(DecodeError::Field { field: "the checksum", found: sum.into() });
+    let (end, expected) = (packet::checked(packet)?, 11);
+    if packet.len() < expected {
+        return Err(DecodeError::Length { found: packet.len(), expected });
     }
     if packet[7] != STATUS {
         return Err(DecodeError::Field { field: "the instruction", found: packet[7].into() });
     }
-    // the bytes that keep data and heads apart are taken out again
-    let (mut length, mut at) = (end, 7);
-    while at + 4 <= length {
-        if packet[at..at + 4] == [0xff, 0xff, 0xfd, 0xfd] {
-            packet.copy_within(at + 4..length, at + 3);
-            length -= 1;
-        }
-        at += 1;
-    }
+    let length = packet::unstuff(packet, end);
     Ok(Status { protocol: Protocol::Two, servo: packet[4], error: packet[8], data: &packet[9..length] })
 }

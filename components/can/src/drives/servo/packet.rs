@@ -1,71 +1,171 @@
 //! Whole packets: answers as the adapter finds them on its line, instructions as a servo does.
 
-use super::{Instruction, PING, READ, READ_MANY, Status, WRITE, WRITE_MANY, checksum, one};
+use super::{
+    FAST_READ_MANY, Instruction, LONGEST, PING, Protocol, READ, READ_MANY, STATUS, Status, WRITE, WRITE_MANY,
+    checksum, crc, one, two,
+};
 use crate::frame::DecodeError;
 
-/// The answer in a packet of protocol 1, head and checksum among its bytes.
+/// The bytes of one packet, with room to take those out that keep data and heads apart.
 ///
 /// ```
-/// use motorium_can::servo::read_status;
+/// use motorium_can::servo::Packet;
 ///
-/// let status = read_status(&[0xff, 0xff, 1, 3, 0, 0x20, 0xdb])?;
+/// let mut packet = Packet::default();
+/// let status = packet.status(&[0xff, 0xff, 1, 3, 0, 0x20, 0xdb])?;
 /// assert_eq!((status.servo, status.data), (1, &[0x20][..]));
 /// # Ok::<(), motorium_can::DecodeError>(())
 /// ```
-///
-/// # Errors
-/// It is no such packet, another one follows it, or its checksum is wrong.
-pub fn read_status(packet: &[u8]) -> Result<Status<'_>, DecodeError> {
-    whole(packet)?;
-    one(packet)
+#[derive(Clone, Debug)]
+pub struct Packet {
+    bytes: [u8; LONGEST],
 }
 
-/// The servo's side: the number of the servo and the instruction in a packet of protocol 1.
-///
-/// ```
-/// use motorium_can::servo::{Instruction, read_instruction};
-///
-/// let (servo, instruction) = read_instruction(&[0xff, 0xff, 1, 4, 2, 0x2b, 1, 0xcc])?;
-/// assert_eq!((servo, instruction), (1, Instruction::Read { register: 0x2b, count: 1 }));
-/// # Ok::<(), motorium_can::DecodeError>(())
-/// ```
-///
-/// # Errors
-/// It is no such packet, its checksum is wrong, or the instruction is not known here.
-pub fn read_instruction(packet: &[u8]) -> Result<(u8, Instruction<'_>), DecodeError> {
-    let sum = whole(packet)?;
-    let body = &packet[2..packet.len() - 1];
-    if checksum(body) != sum {
+impl Default for Packet {
+    fn default() -> Self {
+        Self { bytes: [0; LONGEST] }
+    }
+}
+
+impl Packet {
+    /// Takes the bytes of a packet of either protocol, head and checksum among them.
+    fn take(&mut self, packet: &[u8]) -> Result<(Protocol, &mut [u8]), DecodeError> {
+        let found = packet.len();
+        let (protocol, expected) = match packet {
+            [0xff, 0xff, 0xfd, 0, _, low, high, ..] => {
+                (Protocol::Two, (7 + usize::from(u16::from_le_bytes([*low, *high]))).max(10))
+            }
+            [0xff, 0xff, servo, length, ..] if *servo != 0xff => {
+                (Protocol::One, (4 + usize::from(*length)).max(6))
+            }
+            _ => return Err(DecodeError::Length { found, expected: 6 }),
+        };
+        if found != expected || found > LONGEST {
+            return Err(DecodeError::Length { found, expected });
+        }
+        let bytes = &mut self.bytes[..found];
+        bytes.copy_from_slice(packet);
+        Ok((protocol, bytes))
+    }
+
+    /// The answer in a packet.
+    ///
+    /// # Errors
+    /// It is no such packet, another one follows it, or its checksum is wrong.
+    pub fn status(&mut self, packet: &[u8]) -> Result<Status<'_>, DecodeError> {
+        match self.take(packet)? {
+            (Protocol::One, bytes) => one(bytes),
+            (Protocol::Two, bytes) => two(bytes),
+        }
+    }
+
+    /// The servo's side: the protocol, the number of the servo and the instruction in a packet.
+    ///
+    /// ```
+    /// use motorium_can::servo::{Instruction, Packet, Protocol};
+    ///
+    /// let mut packet = Packet::default();
+    /// let (protocol, servo, instruction) = packet.instruction(&[0xff, 0xff, 1, 4, 2, 0x2b, 1, 0xcc])?;
+    /// assert_eq!((protocol, servo), (Protocol::One, 1));
+    /// assert_eq!(instruction, Instruction::Read { register: 0x2b, count: 1 });
+    /// # Ok::<(), motorium_can::DecodeError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// It is no such packet, its checksum is wrong, or the instruction is not known here.
+    pub fn instruction(&mut self, packet: &[u8]) -> Result<(Protocol, u8, Instruction<'_>), DecodeError> {
+        let (protocol, bytes) = self.take(packet)?;
+        let (servo, code, data) = match protocol {
+            Protocol::One => {
+                let end = bytes.len() - 1;
+                if checksum(&bytes[2..end]) != bytes[end] {
+                    return Err(DecodeError::Field { field: "the checksum", found: bytes[end].into() });
+                }
+                (bytes[2], bytes[4], &bytes[5..end])
+            }
+            Protocol::Two => {
+                let end = checked(bytes)?;
+                let end = unstuff(bytes, end);
+                (bytes[4], bytes[7], &bytes[8..end])
+            }
+        };
+        let unknown = DecodeError::Field { field: "the instruction", found: code.into() };
+        // registers and counts have one byte or two
+        let word = |at: usize| match protocol {
+            Protocol::One => data.get(at).map(|byte| u16::from(*byte)),
+            Protocol::Two => Some(u16::from_le_bytes([*data.get(2 * at)?, *data.get(2 * at + 1)?])),
+        };
+        let rest = |words: usize| data.get(if protocol == Protocol::One { words } else { 2 * words }..);
+        let count = || word(1).and_then(|count| u8::try_from(count).ok());
+        let read = || match (code, word(0)) {
+            (PING, _) if data.is_empty() => Some(Instruction::Ping),
+            (READ, Some(register)) if rest(2)?.is_empty() => {
+                Some(Instruction::Read { register, count: count()? })
+            }
+            (WRITE, Some(register)) => Some(Instruction::Write { register, data: rest(1)? }),
+            (READ_MANY, Some(register)) => {
+                Some(Instruction::ReadMany { register, count: count()?, servos: rest(2)? })
+            }
+            (FAST_READ_MANY, Some(register)) if protocol == Protocol::Two => {
+                Some(Instruction::FastReadMany { register, count: count()?, servos: rest(2)? })
+            }
+            (WRITE_MANY, Some(register)) => {
+                let (each, data) = (count()?, rest(2)?);
+                let is_whole = !data.is_empty() && data.len().is_multiple_of(usize::from(each) + 1);
+                is_whole.then_some(Instruction::WriteMany { register, each, data })
+            }
+            _ => None,
+        };
+        read().map(|instruction| (protocol, servo, instruction)).ok_or(unknown)
+    }
+}
+
+/// Checks the sum of a packet of protocol 2; where its data end.
+pub(super) fn checked(packet: &[u8]) -> Result<usize, DecodeError> {
+    let end = packet.len() - 2;
+    let sum = u16::from_le_bytes([packet[end], packet[end + 1]]);
+    if crc(&packet[..end]) != sum {
         return Err(DecodeError::Field { field: "the checksum", found: sum.into() });
     }
-    let (servo, code, data) = (packet[2], packet[4], &packet[5..packet.len() - 1]);
-    let instruction = match (code, data) {
-        (PING, []) => Instruction::Ping,
-        (READ, [register, count]) => Instruction::Read { register: (*register).into(), count: *count },
-        (WRITE, [register, data @ ..]) => Instruction::Write { register: (*register).into(), data },
-        (READ_MANY, [register, count, servos @ ..]) => {
-            Instruction::ReadMany { register: (*register).into(), count: *count, servos }
-        }
-        (WRITE_MANY, [register, each, data @ ..])
-            if !data.is_empty() && data.len().is_multiple_of(usize::from(*each) + 1) =>
-        {
-            Instruction::WriteMany { register: (*register).into(), each: *each, data }
-        }
-        (found, _) => return Err(DecodeError::Field { field: "the instruction", found: found.into() }),
-    };
-    Ok((servo, instruction))
+    Ok(end)
 }
 
-/// The checksum of what must be one whole packet of protocol 1.
-fn whole(packet: &[u8]) -> Result<u8, DecodeError> {
-    match packet {
-        [0xff, 0xff, servo, length, ..] if *servo != 0xff => {
-            let (found, expected) = (packet.len(), 4 + usize::from(*length));
-            if found != expected || expected < 6 {
-                return Err(DecodeError::Length { found, expected: expected.max(6) });
-            }
-            Ok(packet[found - 1])
+/// Takes the bytes out that keep data and heads apart; where the data end then.
+pub(super) fn unstuff(packet: &mut [u8], end: usize) -> usize {
+    let (mut length, mut at) = (end, 7);
+    while at + 4 <= length {
+        if packet[at..at + 4] == [0xff, 0xff, 0xfd, 0xfd] {
+            packet.copy_within(at + 4..length, at + 3);
+            length -= 1;
         }
-        _ => Err(DecodeError::Length { found: packet.len(), expected: 6 }),
+        at += 1;
     }
+    length
+}
+
+/// The answers in the one packet with which servos of protocol 2 answer [`Instruction::FastReadMany`]: number of the servo, error,
+/// and `count` bytes each. Up to the first whose checksum is wrong, which the servos behind it could not see.
+///
+/// ```
+/// use motorium_can::servo::fast_answers;
+///
+/// let packet = [0xff, 0xff, 0xfd, 0, 0xfe, 9, 0, 0x55, 0, 3, 0xa6, 0, 0, 0, 0x8b, 0x68];
+/// // with a checksum that is not that of the packet no answer is taken
+/// assert_eq!(fast_answers(&packet, 4).count(), 0);
+/// ```
+pub fn fast_answers(packet: &[u8], count: u8) -> impl Iterator<Item = Status<'_>> {
+    let block = usize::from(count) + 4;
+    let is_one = matches!(packet, [0xff, 0xff, 0xfd, 0, 0xfe, low, high, STATUS, ..]
+        if 7 + usize::from(u16::from_le_bytes([*low, *high])) == packet.len());
+    let blocks = if is_one { (packet.len() - 8) / block } else { 0 };
+    (0..blocks).map_while(move |index| {
+        let begin = 8 + index * block;
+        let end = checked(packet.get(..begin + block)?).ok()?;
+        Some(Status {
+            protocol: Protocol::Two,
+            servo: packet[begin + 1],
+            error: packet[begin],
+            data: &packet[begin + 2..end],
+        })
+    })
 }

@@ -1,0 +1,74 @@
+//! Settings of drives that are not those of the table.
+
+use crate::damiao::Register;
+
+/// A setting of a drive that is not that of the table.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum WrongSetting {
+    /// The watchdog, ns; `None` for off.
+    #[error("its watchdog is {}, the table says {} ms", ms(*.found), *.expected as f64 / 1e6)]
+    Watchdog {
+        /// That of the drive.
+        found: Option<u64>,
+        /// That of the table.
+        expected: u64,
+    },
+    /// The end of a range.
+    #[error("its {register:?} is {found}, the table says {expected}")]
+    Range {
+        /// The register.
+        register: Register,
+        /// That of the drive.
+        found: f64,
+        /// That of the table.
+        expected: f64,
+    },
+    /// The rated torque, of which torques are thousandths, N m.
+    #[error("its rated torque is {found} N m, the table says {expected}")]
+    RatedTorque {
+        /// That of the drive.
+        found: f64,
+        /// That of the table.
+        expected: f64,
+    },
+    /// The operating mode of a servo.
+    #[error("its operating mode is {found}, expected {expected}, that of positions")]
+    OperatingMode {
+        /// That of the servo.
+        found: u8,
+        /// That of positions.
+        expected: u8,
+    },
+    /// The limits of a servo's goals, rad.
+    #[error("its goals end at {:.3} and {:.3} rad, the table has positions up to {expected}", .found[0], .found[1])]
+    Goals {
+        /// Those of the servo.
+        found: [f64; 2],
+        /// The largest position of the table.
+        expected: f64,
+    },
+    /// Process data whose mapping cannot be written, and is another one.
+    #[error(
+        "the object 0x{index:04X} maps 0x{found:08X}, expected 0x{expected:08X}, and its data sheet says that it cannot be written"
+    )]
+    Mapping {
+        /// The index of the object.
+        index: u16,
+        /// That of the drive.
+        found: u32,
+        /// That of the adapter.
+        expected: u32,
+    },
+    /// An object that the drive does not let be set, or does not have.
+    #[error("it refuses the object 0x{index:04X}: code 0x{code:08X}")]
+    Refused {
+        /// The index of the object.
+        index: u16,
+        /// The code of the drive.
+        code: u32,
+    },
+}
+
+fn ms(watchdog: Option<u64>) -> String {
+    watchdog.map_or_else(|| "off".to_string(), |ns| format!("{} ms", ns as f64 / 1e6))
+}

@@ -1,0 +1,208 @@
+//! A simulated bus over a pseudo-terminal: what an adapter with slcan, or a line of serial servos, would be.
+
+#![allow(unsafe_code)] // a pseudo-terminal is a few plain libc calls, and no crate of the project offers them
+
+use std::fs::File;
+use std::io;
+use std::os::fd::{AsRawFd as _, FromRawFd as _};
+use std::os::unix::fs::symlink;
+use std::path::PathBuf;
+
+use crate::bus::Received;
+use crate::bus::bits::Rates;
+use crate::bus::report::Report;
+use crate::bus::slcan::{self, LONGEST, Request};
+use crate::bus::terminal::{self, Terminal};
+use crate::bus::time::monotonic_ns;
+use crate::frame::Frame;
+use crate::servo;
+
+/// Bytes that wait for a program that does not read.
+const ROOM: usize = 8192;
+
+/// A pseudo-terminal on which a simulated bus is offered, with a link to it.
+#[derive(Debug)]
+pub struct TerminalOffer {
+    link: PathBuf,
+    rates: Rates,
+    is_fd: bool,
+    end: Option<End>,
+    speech: Speech,
+    /// Frames that found no room.
+    lost: u64,
+}
+
+/// The terminal while it is plugged in.
+#[derive(Debug)]
+struct End {
+    line: Terminal,
+    /// The other end, kept open: so programs may come and go.
+    _other: File,
+}
+
+/// The way in which frames are written.
+#[derive(Debug)]
+enum Speech {
+    /// Lines of slcan; whether the channel is open.
+    Slcan(slcan::Reader, bool),
+    /// Packets of servos as they are.
+    Servos(servo::Reader),
+}
+
+/// Opens a pseudo-terminal, and links `link` to it.
+fn plug_in(link: &PathBuf) -> io::Result<End> {
+    // SAFETY: the calls open a new descriptor, which the file then owns, and fill a place of the length that they are told.
+    let (master, path) = unsafe {
+        let master = libc::posix_openpt(libc::O_RDWR | libc::O_NOCTTY | libc::O_NONBLOCK | libc::O_CLOEXEC);
+        if master < 0 {
+            return Err(io::Error::last_os_error());
+        }
+        let master = File::from_raw_fd(master);
+        let fd = master.as_raw_fd();
+        let mut name = [0; 64];
+        if libc::grantpt(fd) != 0
+            || libc::unlockpt(fd) != 0
+            || libc::ptsname_r(fd, name.as_mut_ptr(), name.len()) != 0
+        {
+            return Err(io::Error::last_os_error());
+        }
+        (master, core::ffi::CStr::from_ptr(name.as_ptr()).to_string_lossy().into_owned())
+    };
+    // raw from the beginning: nothing is echoed before a program opens it
+    let other = terminal::open(&path, libc::B1000000).map_err(|error| io::Error::other(error.to_string()))?;
+    match link.symlink_metadata() {
+        // a link that was left behind
+        Ok(found) if found.is_symlink() => std::fs::remove_file(link)?,
+        Ok(_) => {
+            let message = "there is something else at that path, which is left alone";
+            return Err(io::Error::new(io::ErrorKind::AlreadyExists, message));
+        }
+        Err(_) => {}
+    }
+    symlink(&path, link)?;
+    Ok(End { line: Terminal::new(&path, master, ROOM), _other: other })
+}
+
+impl TerminalOffer {
+    /// Offers a bus at this path.
+    ///
+    /// # Errors
+    /// There is something else at the path, or the kernel refuses.
+    pub fn open(path: &str, rates: Rates, is_fd: bool, is_servo_line: bool) -> io::Result<Self> {
+        let link = PathBuf::from(path);
+        let speech = if is_servo_line {
+            Speech::Servos(servo::Reader::default())
+        } else {
+            Speech::Slcan(slcan::Reader::default(), false)
+        };
+        Ok(Self { end: Some(plug_in(&link)?), link, rates, is_fd, speech, lost: 0 })
+    }
+
+    pub(super) fn receive(&mut self, frames: &mut [Received]) -> usize {
+        let Some(End { line, .. }) = &mut self.end else { return 0 };
+        let (mut count, time_ns) = (0, monotonic_ns());
+        while count < frames.len() {
+            let Some(byte) = line.next_byte() else { break };
+            let frame = match &mut self.speech {
+                Speech::Servos(reader) => {
+                    reader.push_raw(byte).and_then(|(servo, packet)| Frame::packet(servo, packet))
+                }
+                Speech::Slcan(reader, is_open) => match reader.push_request(byte) {
+                    Some(Request::Frame(frame)) => {
+                        let is_taken = *is_open && (self.is_fd || frame.form == crate::Form::Classic);
+                        if !is_taken {
+                            say(line, b"\x07");
+                        }
+                        is_taken.then_some(frame)
+                    }
+                    Some(request) => {
+                        if request == Request::Version {
+                            say(line, b"V1000 simulated");
+                        }
+                        let is_right = match request {
+                            Request::Open | Request::Close => {
+                                *is_open = request == Request::Open;
+                                true
+                            }
+                            // a bus has one bitrate, and this one has its own
+                            Request::Bitrate(rate) => rate == self.rates.nominal,
+                            Request::DataBitrate(rate) => self.is_fd && rate == self.rates.fast,
+                            Request::Nothing | Request::Version => true,
+                            Request::Frame(_) | Request::Other => false,
+                        };
+                        say(line, if is_right { b"\r" } else { b"\x07" });
+                        None
+                    }
+                    None => None,
+                },
+            };
+            if let Some(frame) = frame {
+                frames[count] = Received { frame, time_ns };
+                count += 1;
+            }
+        }
+        count
+    }
+
+    pub(super) fn deliver(&mut self, frame: &Frame) {
+        let Some(End { line, .. }) = &mut self.end else { return };
+        let is_said = match &self.speech {
+            Speech::Servos(_) => say(line, frame.data()),
+            Speech::Slcan(_, true) => {
+                let mut text = [0; LONGEST];
+                let length = slcan::write(frame, &mut text);
+                say(line, &text[..length])
+            }
+            Speech::Slcan(_, false) => true,
+        };
+        self.lost += u64::from(!is_said);
+    }
+
+    pub(super) fn report(&mut self, report: &Report) {
+        if let (Some(End { line, .. }), Speech::Slcan(_, true)) = (&mut self.end, &self.speech) {
+            let mut text = [0; LONGEST];
+            let length = slcan::write_report(report, &mut text);
+            say(line, &text[..length]);
+        }
+    }
+
+    pub(super) fn set_down(&mut self, is_down: bool) {
+        if is_down {
+            self.end = None;
+            let _ = std::fs::remove_file(&self.link);
+        } else if self.end.is_none() {
+            self.end = plug_in(&self.link).ok();
+        }
+        if let Speech::Slcan(reader, is_open) = &mut self.speech {
+            (*reader, *is_open) = (slcan::Reader::default(), false);
+        }
+    }
+
+    pub(super) fn flush(&mut self) -> u64 {
+        if let Some(End { line, .. }) = &mut self.end {
+            line.flush();
+        }
+        core::mem::take(&mut self.lost)
+    }
+}
+
+/// Adds what is to be written; false if there is no room for it.
+fn say(line: &mut Terminal, bytes: &[u8]) -> bool {
+    let fits = bytes.len() <= line.room();
+    if fits {
+        line.push(bytes);
+    }
+    fits
+}
+
+impl Drop for TerminalOffer {
+    fn drop(&mut self) {
+        // the link goes with the terminal, unless it is that of another one by now
+        let is_ours = self.end.as_ref().is_some_and(|end| {
+            std::fs::read_link(&self.link).is_ok_and(|path| path.as_os_str() == end.line.path())
+        });
+        if is_ours {
+            let _ = std::fs::remove_file(&self.link);
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Serial lines that carry bytes as they are, and are opened again when they were lost.
+
+#![allow(unsafe_code)] // the settings of a terminal are plain libc calls, and no crate of the project offers them
+
+use core::mem::MaybeUninit;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read as _, Write as _};
+use std::os::fd::{AsFd, AsRawFd as _, BorrowedFd};
+use std::os::unix::fs::OpenOptionsExt as _;
+
+use super::socket::{Condition, OpenError, SocketCounts};
+use super::time::Retry;
+use crate::frame::Id;
+
+/// Opens a serial line that never waits, at this speed, with no character translated, echoed or kept.
+pub(super) fn open(path: &str, speed: libc::speed_t) -> Result<File, OpenError> {
+    set_up(path, speed).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => OpenError::NoLine(path.into()),
+        _ => OpenError::Refused(path.into(), error),
+    })
+}
+
+fn set_up(path: &str, speed: libc::speed_t) -> io::Result<File> {
+    let file = OpenOptions::new()
+        .read(true)
+        .write(true)
+        .custom_flags(libc::O_NONBLOCK | libc::O_NOCTTY | libc::O_CLOEXEC)
+        .open(path)?;
+    let mut settings = MaybeUninit::<libc::termios>::zeroed();
+    // SAFETY: the descriptor is open and the place has the type that the call fills; it is read only once the call has filled
+    // it, and changed through the library's own functions.
+    unsafe {
+        if libc::tcgetattr(file.as_raw_fd(), settings.as_mut_ptr()) != 0 {
+            return Err(io::Error::last_os_error());
+        }
+        let mut settings = settings.assume_init();
+        libc::cfmakeraw(&raw mut settings);
+        settings.c_cflag |= libc::CLOCAL | libc::CREAD;
+        libc::cfsetspeed(&raw mut settings, speed);
+        if libc::tcsetattr(file.as_raw_fd(), libc::TCSANOW, &raw const settings) != 0 {
+            return Err(io::Error::last_os_error());
+        }
+    }
+    Ok(file)
+}
+
+/// A serial line with what is yet to be written and read on it, its condition and its counts.
+#[derive(Debug)]
+pub(super) struct Terminal {
+    path: String,
+    file: File,
+    /// Bytes that are to be written before all others.
+    pending: Vec<u8>,
+    bytes: Box<[u8; 1024]>,
+    /// Bytes of `bytes` that are yet to be read, from where to where.
+    unread: (usize, usize),
+    filters: Vec<Id>,
+    pub(super) condition: Condition,
+    pub(super) counts: SocketCounts,
+    retry: Retry,
+}
+
+impl Terminal {
+    /// A line that is open, with room for `room` bytes that wait to be written.
+    pub(super) fn new(path: &str, file: File, room: usize) -> Self {
+        Self {
+            path: path.into(),
+            file,
+            pending: Vec::with_capacity(room),
+            bytes: Box::new([0; 1024]),
+            unread: (0, 0),
+            filters: Vec::new(),
+            condition: Condition::Active,
+            counts: SocketCounts::default(),
+            retry: Retry::default(),
+        }
+    }
+
+    pub(super) fn path(&self) -> &str {
+        &self.path
+    }
+
+    /// True for a pseudo-terminal, behind which there is a program and no wire.
+    pub(super) fn is_virtual(&self) -> bool {
+        std::fs::canonicalize(&self.path).is_ok_and(|path| path.starts_with("/dev/pts"))
+    }
+
+    /// Receives frames with these identifiers only.
+    pub(super) fn receive_only(&mut self, ids: &[Id]) {
+        self.filters = ids.to_vec();
+    }
+
+    /// True for a frame that is to be received.
+    pub(super) fn wants(&self, id: Id) -> bool {
+        self.filters.is_empty() || self.filters.contains(&id)
+    }
+
+    /// Notes that the line has gone.
+    fn lose(&mut self) {
+        if self.condition != Condition::Gone {
+            self.counts.down += 1;
+            self.condition = Condition::Gone;
+            self.retry.begin();
+        }
+    }
+
+    /// Looks once a second for a line that has gone; true once it is open again.
+    pub(super) fn look_again(&mut self, open: impl FnOnce(&str) -> Result<File, OpenError>) -> bool {
+        if self.condition != Condition::Gone || !self.retry.is_due() {
+            return false;
+        }
+        let Ok(file) = open(&self.path) else { return false };
+        (self.file, self.condition, self.unread) = (file, Condition::Active, (0, 0));
+        self.pending.clear();
+        true
+    }
+
+    /// Bytes that may be added to those that wait.
+    pub(super) fn room(&self) -> usize {
+        self.pending.capacity() - self.pending.len()
+    }
+
+    /// Adds bytes to those that wait to be written.
+    pub(super) fn push(&mut self, bytes: &[u8]) {
+        self.pending.extend_from_slice(bytes);
+    }
+
+    /// Writes what waits; false if some of it is left.
+    pub(super) fn flush(&mut self) -> bool {
+        while !self.pending.is_empty() {
+            match self.file.write(&self.pending) {
+                Ok(0) => return false,
+                Ok(count) => drop(self.pending.drain(..count)),
+                Err(error) => {
+                    self.fail(&error);
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    /// Writes bytes at once, after those that wait are gone; how many were taken.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> usize {
+        match self.file.write(bytes) {
+            Ok(written) => written,
+            Err(error) => {
+                self.fail(&error);
+                0
+            }
+        }
+    }
+
+    fn fail(&mut self, error: &io::Error) {
+        match error.kind() {
+            io::ErrorKind::WouldBlock => self.counts.queue_full += 1,
+            io::ErrorKind::Interrupted => {}
+            _ => self.lose(),
+        }
+    }
+
+    /// The next byte, if one is there.
+    pub(super) fn next_byte(&mut self) -> Option<u8> {
+        if self.unread.0 == self.unread.1 {
+            match self.file.read(&mut self.bytes[..]) {
+                // a line that has hung up
+                Ok(0) => {
+                    self.lose();
+                    return None;
+                }
+                Ok(count) => self.unread = (0, count),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => return None,
+                Err(error) => {
+                    self.fail(&error);
+                    return None;
+                }
+            }
+        }
+        self.unread.0 += 1;
+        self.bytes.get(self.unread.0 - 1).copied()
+    }
+}
+
+impl AsFd for Terminal {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.file.as_fd()
+    }
+}

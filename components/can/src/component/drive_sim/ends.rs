@@ -1,0 +1,137 @@
+//! The ends of simulated buses: topics to the adapter, or sockets and terminals that any program opens.
+
+use motorium::prelude::*;
+use motorium::state::CanFrame;
+use motorium::transport::{SliceInput, SliceOutput};
+
+use super::simulated::Wire;
+use crate::bus::Received;
+use crate::bus::offered::Offer;
+use crate::component::adapter::BATCH;
+use crate::component::{interfaces, wire};
+use crate::{Frame, Report, Table};
+
+/// The ends of simulated buses.
+pub(super) enum Ends {
+    /// Topics, one batch for all buses.
+    Topics(Box<Topics>),
+    /// What each bus is offered on.
+    Offers(Offers),
+}
+
+/// Topics that lead to simulated buses.
+pub(super) struct Topics {
+    sent: SliceInput<CanFrame>,
+    received: SliceOutput<CanFrame>,
+    answers: Vec<CanFrame>,
+    lost: u64,
+}
+
+/// Simulated buses as other programs open them.
+pub(super) struct Offers {
+    offers: Vec<Offer>,
+    inbox: Vec<Received>,
+    /// Time at which the run began, ns.
+    start_ns: u64,
+}
+
+impl Ends {
+    pub(super) fn topics(sent: SliceInput<CanFrame>, received: SliceOutput<CanFrame>) -> Self {
+        let answers = Vec::with_capacity(BATCH);
+        Self::Topics(Box::new(Topics { sent, received, answers, lost: 0 }))
+    }
+
+    /// Offers the buses of a table at their places.
+    pub(super) fn offers(table: &Table) -> Result<Self, ConfigError> {
+        let offers = interfaces::offer(table)?;
+        Ok(Self::Offers(Offers { offers, inbox: vec![Received::default(); BATCH], start_ns: 0 }))
+    }
+
+    /// Hands the frames of the computer to their buses, at the time at which it sent them.
+    pub(super) fn hear(&mut self, start_ns: u64, buses: &mut [Wire]) {
+        match self {
+            Self::Topics(topics) => {
+                topics.answers.clear();
+                while let Some((stamp, frames)) = topics.sent.next_unread() {
+                    let ready_ns = stamp.publish_time.saturating_sub(start_ns);
+                    for frame in frames {
+                        let Some(wire) = buses.get_mut(frame.bus as usize) else { continue };
+                        let Some(data) = wire::from_topic(frame) else { continue };
+                        wire.hand_over(data, ready_ns);
+                    }
+                }
+            }
+            Self::Offers(all) => {
+                all.start_ns = start_ns;
+                for (offer, wire) in all.offers.iter_mut().zip(buses) {
+                    // a socket hands on all that comes, and the interface drops what it has no room for; a terminal keeps
+                    // it, as the line of an adapter does
+                    let room = match offer {
+                        Offer::Socket(_) => BATCH,
+                        Offer::Terminal(_) => wire.room().min(BATCH),
+                    };
+                    let count = offer.receive(&mut all.inbox[..room]);
+                    for received in &all.inbox[..count] {
+                        wire.hand_over(received.frame, received.time_ns.saturating_sub(start_ns));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Lets the adapter receive a frame.
+    pub(super) fn tell(&mut self, bus: usize, frame: &Frame, time_ns: u64) {
+        match self {
+            Self::Topics(topics) => topics.push(wire::to_topic(frame, bus, time_ns)),
+            Self::Offers(Offers { offers, start_ns, .. }) => {
+                offers[bus].deliver(&Received { frame: *frame, time_ns: *start_ns + time_ns });
+            }
+        }
+    }
+
+    /// Lets it receive a report of its controller, with the number of frames that it had no room for.
+    pub(super) fn report(&mut self, bus: usize, report: &Report, unsent: u8, now_ns: u64) {
+        match self {
+            Self::Topics(topics) => topics.push(wire::report(report, unsent, bus, now_ns)),
+            Self::Offers(Offers { offers, .. }) => offers[bus].report(report, unsent),
+        }
+    }
+
+    /// Takes its interface down, or up again.
+    pub(super) fn set_down(&mut self, bus: usize, is_down: bool, now_ns: u64) {
+        match self {
+            Self::Topics(topics) if is_down => topics.push(wire::down(bus, now_ns)),
+            // the report of the controller says that it is up again
+            Self::Topics(_) => {}
+            Self::Offers(Offers { offers, .. }) => offers[bus].set_down(is_down),
+        }
+    }
+
+    /// Hands over what is to be received; frames for which there was no room.
+    pub(super) fn publish(&mut self) -> Result<u64, StepError> {
+        match self {
+            Self::Topics(topics) => topics.publish(),
+            Self::Offers(Offers { offers, .. }) => Ok(offers.iter_mut().map(Offer::flush).sum()),
+        }
+    }
+}
+
+impl Topics {
+    /// Adds to what the adapter receives; what its batch has no room for is lost, as with a full buffer.
+    fn push(&mut self, frame: CanFrame) {
+        if self.answers.len() < BATCH {
+            self.answers.push(frame);
+        } else {
+            self.lost += 1;
+        }
+    }
+
+    fn publish(&mut self) -> Result<u64, StepError> {
+        if !self.answers.is_empty() {
+            let mut out = self.received.loan(self.answers.len())?;
+            out.copy_from_slice(&self.answers);
+            out.publish()?;
+        }
+        Ok(core::mem::take(&mut self.lost))
+    }
+}

@@ -1,0 +1,222 @@
+//! Electronic data sheets of CANopen devices (CiA 306): EDS files, and DCF files, which have the values of one device.
+//!
+//! A data sheet is a text of sections: one for each object of the dictionary, `[6076]` or `[1A00sub1]`, with its name, type,
+//! access, limits and value.
+
+use std::collections::BTreeMap;
+
+use super::Object;
+
+/// The electronic data sheet of a device.
+///
+/// ```
+/// use motorium_can::cia402::Object;
+/// use motorium_can::cia402::eds::Eds;
+///
+/// let text = "[DeviceInfo]\nProductName=Motor\n[6076]\nParameterName=Rated torque\nDataType=0x0007\nAccessType=ro\nDefaultValue=0x2710\n";
+/// let sheet = Eds::parse(text)?;
+/// let torque = sheet.entry(Object::RATED_TORQUE).ok_or("it has no 0x6076")?;
+/// assert_eq!((sheet.product(), torque.value(1), torque.is_writable()), ("Motor", Some(10_000), false));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Eds {
+    product: String,
+    entries: BTreeMap<(u16, u8), Entry>,
+}
+
+/// An object of a data sheet.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Entry {
+    name: String,
+    line: usize,
+    access: String,
+    value: Option<Number>,
+    low: Option<Number>,
+    high: Option<Number>,
+}
+
+/// A number of a data sheet, which may begin with that of the node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Number {
+    adds_node: bool,
+    number: i64,
+}
+
+/// A data sheet that cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("line {line}: {message}")]
+pub struct EdsError {
+    /// The line, from 1.
+    pub line: usize,
+    /// The text found, and that expected.
+    pub message: String,
+}
+
+impl Number {
+    /// Reads a number: decimal, hexadecimal `0x1F`, octal `017`, `$NODEID`, or `$NODEID+0x180`.
+    fn parse(text: &str) -> Option<Self> {
+        let upper = text.trim().to_ascii_uppercase();
+        let Some(rest) = upper.strip_prefix("$NODEID") else {
+            // some write the node at the end
+            return match upper.split_once('+') {
+                Some((number, node)) if node.trim() == "$NODEID" => {
+                    Some(Self { adds_node: true, number: integer(number)? })
+                }
+                _ => Some(Self { adds_node: false, number: integer(&upper)? }),
+            };
+        };
+        let number = match rest.trim().strip_prefix('+') {
+            Some(number) => integer(number)?,
+            None if rest.trim().is_empty() => 0,
+            None => return None,
+        };
+        Some(Self { adds_node: true, number })
+    }
+
+    fn of(self, node: u8) -> i64 {
+        self.number + if self.adds_node { i64::from(node) } else { 0 }
+    }
+}
+
+fn integer(text: &str) -> Option<i64> {
+    let text = text.trim();
+    let (negative, digits) = text.strip_prefix('-').map_or((false, text), |digits| (true, digits));
+    if digits.is_empty() || !digits.starts_with(|digit: char| digit.is_ascii_digit()) {
+        return None;
+    }
+    let number = match digits.strip_prefix("0X") {
+        Some(digits) => i64::from_str_radix(digits, 16),
+        None if digits.len() > 1 && digits.starts_with('0') => i64::from_str_radix(digits, 8),
+        None => digits.parse(),
+    };
+    number.ok().map(|number| if negative { -number } else { number })
+}
+
+/// The object of a section, if it is that of one.
+fn object_of(section: &str) -> Option<(u16, u8)> {
+    let lower = section.to_ascii_lowercase();
+    let (index, subindex) = lower.split_once("sub").unwrap_or((&lower, "0"));
+    let is_index = index.len() == 4 && index.bytes().all(|digit| digit.is_ascii_hexdigit());
+    let subindex = if subindex.starts_with('+') { None } else { u8::from_str_radix(subindex, 16).ok() };
+    is_index.then_some(())?;
+    Some((u16::from_str_radix(index, 16).ok()?, subindex?))
+}
+
+impl Eds {
+    /// Reads a data sheet.
+    ///
+    /// # Errors
+    /// A line is no section and has no value, or there is no object at all.
+    pub fn parse(text: &str) -> Result<Self, EdsError> {
+        let mut sheet = Self::default();
+        let (mut object, mut section) = (None, String::new());
+        for (line, text) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
+            let text = text.trim();
+            let refuse = |message: String| EdsError { line, message };
+            if text.is_empty() || text.starts_with(';') || text.starts_with('#') {
+                continue;
+            }
+            if let Some(rest) = text.strip_prefix('[') {
+                let name = rest.strip_suffix(']');
+                section =
+                    name.ok_or_else(|| refuse(format!("{text:?}, expected `[SECTION]`")))?.trim().into();
+                object = object_of(&section);
+                if let Some(key) = object {
+                    sheet.entries.entry(key).or_insert_with(|| Entry { line, ..Entry::default() });
+                }
+                continue;
+            }
+            let Some((key, value)) = text.split_once('=') else {
+                // comments of a vendor may be plain text
+                if object.is_none() {
+                    continue;
+                }
+                return Err(refuse(format!("{text:?}, expected `Key=Value`")));
+            };
+            let (key, value) = (key.trim().to_ascii_lowercase(), value.trim());
+            if section.eq_ignore_ascii_case("DeviceInfo") && key == "productname" {
+                sheet.product = value.into();
+            }
+            let Some(entry) = object.and_then(|object| sheet.entries.get_mut(&object)) else { continue };
+            entry.take(&key, value);
+        }
+        if sheet.entries.is_empty() {
+            let message = "no object, expected sections such as `[6040]`".to_string();
+            return Err(EdsError { line: 1, message });
+        }
+        Ok(sheet)
+    }
+
+    /// The name of the product; empty if it is not told.
+    pub fn product(&self) -> &str {
+        &self.product
+    }
+
+    /// An object; `None` if the device does not have it.
+    pub fn entry(&self, object: Object) -> Option<&Entry> {
+        self.entries.get(&(object.index, object.subindex))
+    }
+
+    /// The value of an object for this node, if it has one.
+    pub fn value(&self, index: u16, subindex: u8, node: u8) -> Option<i64> {
+        self.entry(Object { index, subindex })?.value(node)
+    }
+
+    /// The number of objects, each subindex counted.
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// True if there are none, which no data sheet that was read has.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+}
+
+impl Entry {
+    fn take(&mut self, key: &str, value: &str) {
+        // texts, domains and reals have values, too, which are no numbers
+        let number = || Number::parse(value);
+        match key {
+            "parametername" => self.name = value.into(),
+            "accesstype" => self.access = value.to_ascii_lowercase(),
+            "defaultvalue" if self.value.is_none() => self.value = number(),
+            // the value of this device, and not of all
+            "parametervalue" => self.value = number().or(self.value),
+            "lowlimit" => self.low = number(),
+            "highlimit" => self.high = number(),
+            _ => {}
+        }
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The line of its section.
+    pub fn line(&self) -> usize {
+        self.line
+    }
+
+    /// True if it can be written.
+    pub fn is_writable(&self) -> bool {
+        matches!(self.access.as_str(), "rw" | "rww" | "rwr" | "wo")
+    }
+
+    /// Its value for this node: that of the device, or else the default.
+    pub fn value(&self, node: u8) -> Option<i64> {
+        self.value.map(|value| value.of(node))
+    }
+
+    /// Its lowest value.
+    pub fn low(&self, node: u8) -> Option<i64> {
+        self.low.map(|low| low.of(node))
+    }
+
+    /// Its highest value.
+    pub fn high(&self, node: u8) -> Option<i64> {
+        self.high.map(|high| high.of(node))
+    }
+}

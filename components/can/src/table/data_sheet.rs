@@ -1,0 +1,169 @@
+//! What the data sheet of a drive says about its entry in the table.
+
+use core::f64::consts::TAU;
+use std::io;
+
+use super::check::Refusal;
+use super::{ControlMode, DriveEntry};
+use crate::cia402::eds::Eds;
+use crate::cia402::{Mapping, Mode, Node, Object, Service};
+
+/// Objects that the adapter writes beside the mappings.
+const WRITTEN: [Object; 4] =
+    [Object::HEARTBEAT_CONSUMER, Object::MODE, Object::INTERPOLATION_UNITS, Object::INTERPOLATION_EXPONENT];
+
+const CORRECT: &str = "correct the entry of the drive, or name the data sheet of its firmware";
+
+/// Takes increments and rated torque from the data sheet of a drive where its entry leaves them out, and checks the others.
+pub(super) fn complete(
+    drive: &mut DriveEntry,
+    read: impl Fn(&str) -> io::Result<String>,
+) -> Result<(), Refusal> {
+    let Some(name) = drive.eds.clone() else { return Ok(()) };
+    let text = read(&name).map_err(|error| {
+        (format!("{name}: {error}"), "name an EDS or DCF file, relative to the drive table")
+    })?;
+    let sheet = Eds::parse(&text)
+        .map_err(|error| (format!("{name}, {error}"), "name an EDS or DCF file as its maker publishes it"))?;
+    let at = |(message, advice): Refusal| (format!("{name}: {message}"), advice);
+    scales(drive, &sheet);
+    mode(drive, &sheet).map_err(at)?;
+    drive.fixed_mappings = fixed(drive, &sheet).map_err(at)?;
+    let object = |(index, subindex)| Object { index, subindex };
+    let needed = WRITTEN.iter().copied().map(|object| (object, true));
+    for (needed, is_written) in needed.chain([(Object::RATED_TORQUE, false), (object((0x6040, 0)), false)]) {
+        let Some(entry) = sheet.entry(needed) else {
+            return Err(at((
+                format!("it has no object {}, which the adapter needs", words(needed)),
+                "such a drive cannot be commanded in a cyclic synchronous mode; look for newer firmware",
+            )));
+        };
+        if is_written && !entry.is_writable() {
+            let message =
+                format!("line {}: {} \"{}\" cannot be written", entry.line(), words(needed), entry.name());
+            return Err(at((message, CORRECT)));
+        }
+    }
+    limits(drive, &sheet).map_err(at)
+}
+
+/// An object as people write it.
+fn words(object: Object) -> String {
+    format!("0x{:04X}:{:02X}", object.index, object.subindex)
+}
+
+/// Increments per turn of the output shaft (the feed constant 0x6092, or else the encoder 0x608F and the gear 0x6091), and the
+/// rated torque (0x6076).
+fn scales(drive: &mut DriveEntry, sheet: &Eds) {
+    let ratio = |index| {
+        let number = |subindex| sheet.value(index, subindex, drive.node).filter(|number| *number > 0);
+        Some(number(1)? as f64 / number(2)? as f64)
+    };
+    let encoder = || Some(ratio(0x608f)? * ratio(0x6091).unwrap_or(1.0));
+    let increments = ratio(0x6092).or_else(encoder);
+    let torque = sheet.value(0x6076, 0, drive.node).filter(|torque| *torque > 0);
+    drive.increments = drive.increments.or(increments);
+    drive.rated_torque = drive.rated_torque.or(torque.map(|torque| torque as f64 * 1e-3));
+}
+
+/// The mode of the entry as CiA 402 numbers it.
+fn cyclic(drive: &DriveEntry) -> Mode {
+    match drive.mode.unwrap_or_default() {
+        ControlMode::Position => Mode::Position,
+        ControlMode::Velocity => Mode::Velocity,
+        ControlMode::Torque => Mode::Torque,
+    }
+}
+
+/// Refuses a mode that the drive does not know by 0x6502, in which bit 7 is that of mode 8.
+fn mode(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
+    let known = sheet.entry(Object::SUPPORTED_MODES).and_then(|entry| entry.value(drive.node));
+    let mode = cyclic(drive);
+    match known {
+        Some(known) if known != 0 && known >> (mode as u8 - 1) & 1 == 0 => {
+            let message =
+                format!("the drive does not know the mode {} of `mode`: 0x6502 is 0x{known:X}", mode as u8);
+            let advice = "0x80 is position, 0x100 velocity, 0x200 torque: write a `mode` that it knows";
+            Err((message, advice))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Process data whose mapping cannot be written; they must be mapped as the adapter needs them.
+fn fixed(drive: &DriveEntry, sheet: &Eds) -> Result<Vec<Mapping>, Refusal> {
+    let (node, mode) = (Node::new(drive.node).unwrap_or(Node::FIRST), cyclic(drive));
+    let mut fixed = Vec::new();
+    for mapping in Mapping::ALL {
+        let mut is_fixed = false;
+        for step in 0..Mapping::STEPS {
+            let Service::Write(object, value) = mapping.step(node, mode, step) else { continue };
+            let Some(entry) = sheet.entry(object) else {
+                let message = format!("it has no object {}, which the adapter writes", words(object));
+                return Err((message, "the drive has too few process data, or too few objects in them"));
+            };
+            if !object.is_mapping() || entry.is_writable() || value.number() == 0 {
+                continue;
+            }
+            is_fixed = true;
+            let found = entry.value(drive.node);
+            if found != Some(value.number().into()) {
+                let found = found.map_or_else(|| "nothing".to_string(), |found| format!("0x{found:08X}"));
+                let message = format!(
+                    "line {}: {} maps {found} and cannot be written, expected 0x{:08X}",
+                    entry.line(),
+                    words(object),
+                    value.number()
+                );
+                return Err((message, "choose another `mode`, or a drive whose process data can be mapped"));
+            }
+        }
+        if is_fixed {
+            fixed.push(mapping);
+        }
+    }
+    Ok(fixed)
+}
+
+/// Refuses ranges beyond the limits of the drive.
+fn limits(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
+    let (node, ranges) = (drive.node, &drive.ranges);
+    let high = |index| {
+        let entry = sheet.entry(Object { index, subindex: 0 })?;
+        entry.high(node).filter(|high| *high > 0).map(|high| high as f64)
+    };
+    let value = |index, subindex| {
+        sheet.value(index, subindex, node).filter(|value| *value > 0).map(|value| value as f64)
+    };
+    let least = |one: Option<f64>, two: Option<f64>| one.into_iter().chain(two).reduce(f64::min);
+    let turn = drive.increments.map(|increments| TAU / increments);
+    let torque = drive.rated_torque.map(|torque| torque * 1e-3);
+    let scaled = |limit: Option<f64>, scale: Option<f64>| Some(limit? * scale?);
+    let all = [
+        (
+            "position",
+            "rad",
+            ranges.position,
+            scaled(least(high(0x607a), value(0x607d, 2)), turn),
+            "0x607A, 0x607D",
+        ),
+        ("velocity", "rad/s", ranges.velocity, scaled(high(0x60ff), turn), "0x60FF"),
+        (
+            "torque",
+            "N m",
+            ranges.torque,
+            scaled(least(high(0x6071), value(0x6072, 0)), torque),
+            "0x6071, 0x6072",
+        ),
+    ];
+    for (key, unit, found, limit, objects) in all {
+        if let Some(limit) = limit
+            && found > limit * (1.0 + 1e-9)
+        {
+            let message =
+                format!("`ranges.{key}` is {found} {unit}, and the drive ends at {limit:.4} ({objects})");
+            return Err((message, "write a range that the drive reaches: commands beyond it are clamped"));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,140 @@
+//! Electronic data sheets: the reader against the values that canopen reads (`databases/golden_eds.py`), and drive tables that
+//! name one.
+
+use std::io;
+
+use motorium_can::adapter::WrongSetting;
+use motorium_can::cia402::Object;
+use motorium_can::cia402::eds::Eds;
+use motorium_can::{Table, TableError};
+
+const SHEET: &str = include_str!("databases/motor.eds");
+
+#[test]
+fn every_object_of_a_data_sheet_is_what_canopen_reads() {
+    let sheet = Eds::parse(SHEET).unwrap();
+    let mut objects = 0;
+    for line in include_str!("databases/golden_eds.txt").lines() {
+        let fields: Vec<&str> = line.split('|').collect();
+        let [head, low, high, name] = fields[..] else { panic!("{line}") };
+        let head: Vec<&str> = head.split(' ').collect();
+        let index = u16::from_str_radix(head[0], 16).unwrap();
+        let entry = sheet.entry(Object { index, subindex: head[1].parse().unwrap() }).expect(line);
+        assert_eq!((entry.name(), entry.is_writable()), (name, head[2] == "rw"), "{line}");
+        // where a limit is that of its type, canopen tells none
+        let number = |text: &str| text.parse::<i64>().ok();
+        assert_eq!(entry.value(5), number(head[3]), "{line}");
+        assert_eq!((entry.low(5), entry.high(5)), (number(low), number(high)), "{line}");
+        objects += 1;
+    }
+    // canopen counts a record or an array by its entries, and its head is one of ours
+    assert!(objects > 40 && sheet.len() >= objects, "{objects} of {}", sheet.len());
+    assert_eq!((sheet.product(), sheet.is_empty()), ("Test drive", false));
+}
+
+#[test]
+fn numbers_of_every_notation_are_read_and_the_value_of_the_device_goes_before_the_default() {
+    let value = |text: &str| Eds::parse(&format!("[1001]\n{text}\n")).unwrap().value(0x1001, 0, 3);
+    for (text, expected) in [
+        ("DefaultValue=017", Some(15)),
+        ("defaultvalue = 0xfF ", Some(255)),
+        ("DefaultValue=-12", Some(-12)),
+        ("DefaultValue=$NODEID+0x200", Some(0x203)),
+        ("DefaultValue=0x600 + $nodeid", Some(0x603)),
+        ("DefaultValue=$NODEID", Some(3)),
+        ("DefaultValue=", None),
+        ("DefaultValue=text", None),
+        ("DefaultValue=+-1", None),
+        ("ParameterValue=7\nDefaultValue=5", Some(7)),
+        ("DefaultValue=5\nParameterValue=7", Some(7)),
+    ] {
+        assert_eq!(value(text), expected, "{text}");
+    }
+}
+
+#[test]
+fn what_is_no_data_sheet_is_refused_with_its_line() {
+    let refused = |text: &str| Eds::parse(text).unwrap_err();
+    assert_eq!(
+        refused("[DeviceInfo]\nProductName=X\n").message,
+        "no object, expected sections such as `[6040]`"
+    );
+    assert_eq!(refused("[6040]\nParameterName=X\n[6041\n").line, 3);
+    assert_eq!(refused("[6040]\nnothing\n").to_string(), "line 2: \"nothing\", expected `Key=Value`");
+}
+
+fn table(entry: &str, sheet: &str) -> Result<Table, TableError> {
+    let text = format!(
+        "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n\n[[drive]]\njoint = \"a\"\nbus = \"can0\"\nprotocol = \"cia402\"\nnode = 5\n\
+         watchdog = \"20 ms\"\neds = \"motor.eds\"\n{entry}\n"
+    );
+    Table::parse_with(&text, |name| match name {
+        "motor.eds" => Ok(sheet.to_string()),
+        _ => Err(io::ErrorKind::NotFound.into()),
+    })
+}
+
+const RANGES: &str = "ranges = { position = 3.0, velocity = 30.0, torque = 10.0 }";
+
+#[test]
+fn a_table_takes_increments_and_rated_torque_from_the_data_sheet() {
+    let drive = &table(RANGES, SHEET).unwrap().drives[0];
+    assert_eq!((drive.increments, drive.rated_torque), (Some(65536.0), Some(5.0)));
+    // what the table says itself goes before
+    let drive = &table(&format!("{RANGES}\nincrements = 60000.0"), SHEET).unwrap().drives[0];
+    assert_eq!(drive.increments, Some(6e4));
+}
+
+#[test]
+fn an_entry_that_the_drive_cannot_follow_by_its_data_sheet_is_refused_with_both_values() {
+    let refused = |entry: &str, sheet: &str| table(entry, sheet).unwrap_err().to_string();
+    let found = refused(RANGES, &SHEET.replace("0x380", "0x300"));
+    assert!(found.contains("does not know the mode 8 of `mode`: 0x6502 is 0x300"), "{found}");
+    let found = refused("ranges = { position = 3.0, velocity = 30.0, torque = 13.0 }", SHEET);
+    assert!(
+        found.contains("`ranges.torque` is 13 N m, and the drive ends at 12.5000 (0x6071, 0x6072)"),
+        "{found}"
+    );
+    let found = refused("ranges = { position = 3.0, velocity = 50.0, torque = 10.0 }", SHEET);
+    assert!(found.contains("`ranges.velocity` is 50 rad/s, and the drive ends at 47.9369"), "{found}");
+    let found = refused("ranges = { position = 3.2, velocity = 30.0, torque = 10.0 }", SHEET);
+    assert!(found.contains("`ranges.position` is 3.2 rad, and the drive ends at 3.1415"), "{found}");
+    let found = refused(RANGES, &SHEET.replace("[60C2sub2]", "[5FFFsub2]"));
+    assert!(found.contains("motor.eds: it has no object 0x60C2:02"), "{found}");
+    let found = refused(RANGES, &SHEET.replace("[1A01sub2]", "[5FFFsub2]"));
+    assert!(found.contains("it has no object 0x1A01:02, which the adapter writes"), "{found}");
+    let found = refused(RANGES, "[6040\n");
+    assert!(found.starts_with("line 5: drive of `a`: motor.eds, line 1: "), "{found}");
+}
+
+/// The data sheet with the mapping of the first setpoints fixed.
+fn fixed() -> String {
+    let (before, after) = SHEET.split_once("[1600sub0]").unwrap();
+    let (mapping, rest) = after.split_once("[1800]").unwrap();
+    format!("{before}[1600sub0]{}[1800]{rest}", mapping.replace("AccessType=rw", "AccessType=ro"))
+}
+
+#[test]
+fn a_mapping_that_cannot_be_written_is_compared_and_not_written() {
+    assert!(table(RANGES, &fixed()).is_ok());
+    let found = table(&format!("{RANGES}\nmode = \"velocity\""), &fixed()).unwrap_err().to_string();
+    assert!(
+        found.contains("0x1600:02 maps 0x607A0020 and cannot be written, expected 0x60FF0020"),
+        "{found}"
+    );
+    let wrong = WrongSetting::Mapping { index: 0x1600, found: 0x607a_0020, expected: 0x60ff_0020 };
+    assert!(wrong.to_string().contains("maps 0x607A0020, expected 0x60FF0020"));
+}
+
+#[test]
+fn a_drive_whose_mapping_is_fixed_is_enabled_and_one_that_maps_otherwise_is_not() {
+    use super::drives::follow;
+    let sheet = fixed();
+    assert_eq!(follow(&table(RANGES, &sheet).unwrap(), None), (true, None));
+    // the drive has another mapping than its data sheet says
+    let told = table(RANGES, &sheet).unwrap();
+    let is =
+        table(&format!("{RANGES}\nmode = \"torque\""), &sheet.replace("0x607A0020", "0x60710010")).unwrap();
+    let wrong = WrongSetting::Mapping { index: 0x1600, found: 0x6071_0010, expected: 0x607a_0020 };
+    assert_eq!(follow(&told, Some(&is)), (false, Some(wrong)));
+}

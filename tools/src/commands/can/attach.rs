@@ -1,0 +1,42 @@
+//! `motorium can attach`: an adapter on a serial line becomes an interface of the kernel.
+
+use std::process::ExitCode;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use motorium_can::Attached;
+
+use super::{interrupted, refused};
+use crate::out::outln;
+
+/// Make an adapter with slcan on a serial line an interface of the kernel, until Ctrl-C.
+///
+/// The adapter gets the bitrate, the driver of the kernel is put on the line, and the interface is brought up. Its name is printed.
+/// That needs the right to administer the network (`sudo`), and the driver: `sudo modprobe slcan`.
+///
+/// Example: motorium can attach /dev/ttyACM0
+#[derive(Debug, clap::Args)]
+pub(super) struct Attach {
+    /// The serial line, such as `/dev/ttyACM0`
+    line: String,
+    /// Bits per second of the bus
+    #[arg(long, default_value_t = 1_000_000)]
+    bitrate: u32,
+}
+
+impl Attach {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let stop = interrupted()?;
+        let attached = Attached::open(&self.line, self.bitrate).map_err(refused)?;
+        let name = attached.name();
+        attached
+            .bring_up()
+            .with_context(|| format!("`{name}` cannot be brought up: run this with `sudo`"))?;
+        outln!("{name}");
+        while !stop.load(Ordering::Relaxed) {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
