@@ -350,7 +350,13 @@ fn profile_of(choice: &ProfileChoice, beside: &Path) -> Result<Option<(Profile, 
         ProfileChoice::Own | ProfileChoice::Without => return Ok(None),
         ProfileChoice::File(path) => path,
     };
-    let profile = Profile::parse(&read(path)?);
+    let text = read(path)?;
+    // A graph of the robot's name beside it is no profile.
+    let table = || text.parse::<toml::Table>().is_ok_and(|table| table.contains_key("component"));
+    if *choice == ProfileChoice::Own && table() {
+        return Ok(None);
+    }
+    let profile = Profile::parse(&text);
     let path = path.to_path_buf();
     match profile {
         Ok(profile) => Ok(Some((profile, path))),

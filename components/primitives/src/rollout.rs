@@ -185,7 +185,7 @@ fn discrete(
         if let Some(last) = &overrides.final_velocity {
             dmp.start_striking(from, [goal, last], duration)?;
         }
-        dmp.start_moving(from, goal, duration)?;
+        dmp.start_at_velocity([&start[..], &velocity[..]], goal, duration)?;
     }
     let state = |dmp: &DiscreteDmp| (dmp.position().to_vec(), dmp.velocity().to_vec());
     stepped(file, [duration, interval], &mut dmp, state, |dmp, dt| dmp.step(dt))

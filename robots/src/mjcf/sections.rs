@@ -85,6 +85,13 @@ pub(super) fn read_assets<'a, 'i>(
     Ok(())
 }
 
+/// Volume of a closed mesh.
+fn volume(mesh: &TriangleMesh) -> f64 {
+    let corner = |index: u32| mesh.points[index as usize];
+    let under = mesh.triangles.iter().map(|[a, b, c]| corner(*a).dot(&corner(*b).cross(&corner(*c))));
+    under.sum::<f64>() / 6.0
+}
+
 /// Corners in threes, and triangles by their numbers; without triangles the convex hull of the corners.
 fn inline_mesh(asset: &Element<'_, '_, '_>, vertices: &str) -> Result<TriangleMesh, MjcfError> {
     let (attributes, node) = (asset.attributes, asset.node);
@@ -102,7 +109,9 @@ fn inline_mesh(asset: &Element<'_, '_, '_>, vertices: &str) -> Result<TriangleMe
     let Some(faces) = asset.get("face") else {
         // A hull is one of the corners that triangles use: here every one.
         let triangles = (2..points.len() as u32).map(|last| [last - 2, last - 1, last]).collect();
+        let size = points.iter().map(|point| (point - points[0]).norm()).fold(0.0, f64::max);
         let hull = TriangleMesh { points, triangles }.hull(usize::MAX);
+        let hull = hull.filter(|hull| volume(hull) > 1e-9 * size.powi(3));
         return hull.map_or_else(|| wrong("vertex", "corners that do not lie in one plane"), Ok);
     };
     let corners = attributes.parse(node, "face", faces, 1..=usize::MAX)?;

@@ -22,7 +22,7 @@ pub(crate) fn assemble(
     file: Option<&Path>,
     options: &LoadOptions,
 ) -> Result<UrdfRobot, UrdfError> {
-    let survey = source::survey(text)?;
+    let survey = source::survey(text, options.shapes)?;
     let robot = urdf_rs::read_from_string(&survey.text)
         .map_err(|error| UrdfError::new(None, UrdfProblem::Reader(error.to_string())))?;
     let structure = structure::structure(&robot, &survey)?;

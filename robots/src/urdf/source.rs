@@ -10,6 +10,7 @@ use super::error::{Position, UrdfError, UrdfProblem};
 use super::transmission;
 use super::warning::ModelWarning;
 use crate::lines::Lines;
+use crate::load::ShapeSource;
 use crate::nearest::nearest;
 use crate::{Drive, SafetyController};
 
@@ -73,7 +74,7 @@ const JOINT_TYPES: [&str; 7] =
     ["revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical"];
 
 /// Checks the text and notes where things stand.
-pub(crate) fn survey(text: &str) -> Result<Survey, UrdfError> {
+pub(crate) fn survey(text: &str, shapes: ShapeSource) -> Result<Survey, UrdfError> {
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options).map_err(|error| {
         let at = error.pos();
@@ -87,7 +88,7 @@ pub(crate) fn survey(text: &str) -> Result<Survey, UrdfError> {
         UrdfError::new(Position { line: at.row, column: at.col }, problem)
     })?;
     let root = document.root_element();
-    let source = Source { lines: Lines::new(document.input_text()) };
+    let source = Source { lines: Lines::new(document.input_text()), shapes };
     if let Some(node) = document.descendants().find(|node| is_xacro(node)) {
         return Err(UrdfError::new(source.position(node), UrdfProblem::Xacro));
     }
@@ -126,6 +127,7 @@ fn is_xacro(node: &Node<'_, '_>) -> bool {
 
 struct Source<'a> {
     lines: Lines<'a>,
+    shapes: ShapeSource,
 }
 
 impl<'a> Source<'a> {
@@ -153,6 +155,14 @@ impl<'a> Source<'a> {
                     let geometry = self.require_element(child, "geometry")?;
                     self.check_geometry(geometry)?;
                     self.check_numbers(child)?;
+                }
+                "visual" if self.shapes == ShapeSource::Visual => {
+                    self.at_most_one(child, &["origin", "geometry"])?;
+                    let geometry = self.require_element(child, "geometry")?;
+                    self.check_geometry(geometry)?;
+                    // Colours are read elsewhere.
+                    let materials = child.children().filter(|inside| inside.has_tag_name("material"));
+                    unused.extend(materials.map(|material| material.range()));
                 }
                 _ => unused.push(child.range()),
             }

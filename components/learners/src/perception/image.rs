@@ -2,7 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::picture::{EXTENT, PIXELS, Picture};
+use super::picture::{EXTENT, LINE, PIXELS, Picture};
+
+/// Where the profile of a line falls to a half, in its standard deviations.
+const EDGE: f64 = 1.177;
 
 /// Largest side of a picture that is read, px.
 const LARGEST: usize = 4096;
@@ -126,8 +129,9 @@ impl Grey {
                 columns = (columns.0.min(column), columns.1.max(column));
             }
         }
-        let side = (rows.1 - rows.0).max(columns.1 - columns.0).max(1) as f64;
-        let step = side / EXTENT;
+        // An edge lies about half a pixel beyond the last one inked.
+        let side = (rows.1 - rows.0).max(columns.1 - columns.0) as f64 + 1.0;
+        let step = side / (EXTENT + 2.0 * EDGE * LINE);
         let middle = [rows, columns].map(|(low, high)| 0.5 * (low + high) as f64);
         // Each pixel is the mean over its part of the file, or lies between its pixels where these are larger.
         let fine = (step.ceil() as usize).clamp(1, 32);

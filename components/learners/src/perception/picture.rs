@@ -13,7 +13,7 @@ pub struct Picture(pub Vec<f32>);
 /// Size in the picture of a letter of extent 1, pixels.
 pub(super) const EXTENT: f64 = 20.0;
 /// Half width of a line, as the standard deviation of its profile, pixels.
-const LINE: f64 = 0.7;
+pub(super) const LINE: f64 = 0.7;
 
 impl Picture {
     /// Draws a path (samples x 2, extent 1, centred on 0) as a soft line.

@@ -62,7 +62,27 @@ impl OrientationDmp {
         goal: UnitQuaternion<f64>,
         duration: f64,
     ) -> Result<(), MoveError> {
-        self.start_moving(start, [Vector3::zeros(); 2], goal, duration)
+        let vector = self.check_way(start, goal)?;
+        self.dmp.start_at_velocity([(-vector).as_slice(), &[0.0; 3]], &[0.0; 3], duration)?;
+        self.begin(start, vector, goal);
+        Ok(())
+    }
+
+    /// The way from the goal to the start, as a rotation vector.
+    fn check_way(
+        &self,
+        start: UnitQuaternion<f64>,
+        goal: UnitQuaternion<f64>,
+    ) -> Result<Vector3<f64>, MoveError> {
+        let vector = so3::log(&(start * goal.inverse()));
+        in_coordinates(vector, Vector3::zeros(), Vector3::zeros()).map(|_| vector)
+    }
+
+    fn begin(&mut self, start: UnitQuaternion<f64>, vector: Vector3<f64>, goal: UnitQuaternion<f64>) {
+        self.start = start;
+        self.orientation = start;
+        self.goal = with_sign_of(start, so3::exp(&vector), goal);
+        self.observe();
     }
 
     /// Starts in motion, with angular velocity (rad/s) and angular acceleration (rad/s^2) in world axes.
@@ -83,10 +103,7 @@ impl OrientationDmp {
             &[0.0; 3],
             duration,
         )?;
-        self.start = start;
-        self.orientation = start;
-        self.goal = with_sign_of(start, so3::exp(&vector), goal);
-        self.observe();
+        self.begin(start, vector, goal);
         Ok(())
     }
 

@@ -25,7 +25,7 @@ fn recording(duration: f64, samples: usize) -> DMatrix<f64> {
     DMatrix::from_fn(samples, 2, |k, d| curve(duration * k as f64 / (samples - 1) as f64, duration)[d])
 }
 
-/// Root mean square of the distance between the movement of a model, started at the velocity of the curve, and the curve.
+/// Root mean square of the distance between the movement of a model, started in the motion of the curve, and the curve.
 fn reproduction_error(model: DmpModel, demonstration: &Demonstration) -> f64 {
     let duration = demonstration.duration();
     let row = |matrix: &DMatrix<f64>, k: usize| matrix.row(k).iter().copied().collect::<Vec<f64>>();
@@ -34,7 +34,7 @@ fn reproduction_error(model: DmpModel, demonstration: &Demonstration) -> f64 {
         [
             &row(demonstration.positions(), 0),
             &row(demonstration.velocities(), 0),
-            &vec![0.0; demonstration.dimensions()],
+            &row(demonstration.accelerations(), 0),
         ],
         &row(demonstration.positions(), demonstration.samples() - 1),
         duration,

@@ -107,7 +107,7 @@ fn features_are_those_of_movement_primitives() {
 fn errors(golden: &Golden, name: &str, variant: Variant, dt: f64) -> [f64; 3] {
     let movement = &golden.movements[name];
     let mut dmp = DiscreteDmp::new(model(variant, &movement.weights));
-    dmp.start_moving([&golden.start, &golden.velocity, &[0.0; 2]], &golden.goal, golden.duration).unwrap();
+    dmp.start_at_velocity([&golden.start, &golden.velocity], &golden.goal, golden.duration).unwrap();
     let (mut steps, mut worst) = (0, [0.0_f64; 3]);
     for sample in &movement.samples {
         let until = (sample.t / dt).round() as usize;

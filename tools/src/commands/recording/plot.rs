@@ -56,7 +56,7 @@ impl Plot {
         let chart = Chart {
             title: titles.join(", "),
             x: "time, s".to_string(),
-            y: String::new(),
+            y: values(&recording, &self.signals),
             log_x: false,
             log_y: false,
             series: series.collect(),
@@ -80,6 +80,24 @@ impl Plot {
         std::fs::write(output, content).with_context(|| format!("writing {}", output.display()))?;
         errln!("{}: {} curves", output.display(), curves.len());
         Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// The name of the values, with their unit where it is known: where all signals are one field of joint messages.
+fn values(recording: &Recording, signals: &[Signal]) -> String {
+    let field = signals[0].field.as_deref();
+    if signals.iter().any(|signal| signal.field.as_deref() != field) {
+        return String::new();
+    }
+    let of_joints = |signal: &Signal| {
+        let index = recording.topic(&signal.topic);
+        index.is_some_and(|index| recording.topics()[index].layout.type_name.starts_with("motorium.Joint"))
+    };
+    match field {
+        Some("position" | "q") if signals.iter().all(of_joints) => "position, rad or m".to_string(),
+        Some("velocity" | "v") if signals.iter().all(of_joints) => "velocity, rad/s or m/s".to_string(),
+        Some("effort" | "tau") if signals.iter().all(of_joints) => "effort, N m or N".to_string(),
+        other => other.unwrap_or_default().to_string(),
     }
 }
 

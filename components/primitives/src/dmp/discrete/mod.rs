@@ -101,15 +101,38 @@ impl DiscreteDmp {
         self.velocity.fill(0.0);
         self.acceleration.fill(0.0);
         self.final_rate.fill(0.0);
-        self.begin(goal, duration);
+        self.begin(goal, duration, false);
+        Ok(())
+    }
+
+    /// Starts at a velocity (per second), with the acceleration that the forcing term has at its start: a fit puts that at the
+    /// start of its demonstrations there.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn start_at_velocity(
+        &mut self,
+        [position, velocity]: [&[f64]; 2],
+        goal: &[f64],
+        duration: f64,
+    ) -> Result<(), MoveError> {
+        self.check_duration(duration)?;
+        self.check("position", position)?;
+        self.check("velocity", velocity)?;
+        self.check("goal", goal)?;
+        self.position.copy_from_slice(position);
+        self.velocity.copy_from_slice(velocity);
+        self.acceleration.fill(0.0);
+        self.final_rate.fill(0.0);
+        self.begin(goal, duration, false);
         Ok(())
     }
 
     /// Starts in motion, from `position`, `velocity` (per second) and `acceleration` (per second squared).
     ///
-    /// Only the variants with a quintic goal begin with that acceleration, plus what the forcing term adds at its start: a
-    /// fit puts the acceleration at the start of its demonstrations there, so that a movement started with zeros follows
-    /// them. The others begin with the acceleration of their spring.
+    /// Only the variants with a quintic goal begin with that acceleration, and so go on from another movement without a jump in
+    /// it; the others begin with the one their spring has. To begin as a demonstration did,
+    /// [`start_at_velocity`](Self::start_at_velocity) needs no acceleration.
     ///
     /// # Errors
     /// As [`Self::start`].
@@ -128,12 +151,13 @@ impl DiscreteDmp {
         self.velocity.copy_from_slice(velocity);
         self.acceleration.copy_from_slice(acceleration);
         self.final_rate.fill(0.0);
-        self.begin(goal, duration);
+        self.begin(goal, duration, true);
         Ok(())
     }
 
     /// Starts in motion to pass the goal after `duration` seconds with `final_velocity` (per second): a stroke.
-    /// Afterwards it goes on at that velocity. For [`Variant::FinalVelocity`](super::Variant::FinalVelocity) only.
+    /// Afterwards it goes on at that velocity. What the forcing term adds at its start comes on top of the acceleration. For
+    /// [`Variant::FinalVelocity`](super::Variant::FinalVelocity) only.
     ///
     /// # Errors
     /// As [`Self::start`], and another variant.
@@ -159,7 +183,7 @@ impl DiscreteDmp {
         for (rate, velocity) in self.final_rate.iter_mut().zip(final_velocity) {
             *rate = velocity * duration;
         }
-        self.begin(goal, duration);
+        self.begin(goal, duration, false);
         Ok(())
     }
 
@@ -262,8 +286,9 @@ impl DiscreteDmp {
         self.progress >= self.end
     }
 
-    /// Begins in the state that stands in `position`, `velocity` and `acceleration`.
-    fn begin(&mut self, goal: &[f64], duration: f64) {
+    /// Begins in the state that stands in `position`, `velocity` and `acceleration`; `whole` where the latter is that of the
+    /// movement, not of its polynomial.
+    fn begin(&mut self, goal: &[f64], duration: f64, whole: bool) {
         self.duration = duration;
         self.progress = 0.0;
         self.end = 1.0;
@@ -278,7 +303,11 @@ impl DiscreteDmp {
         for (d, &goal) in goal.iter().enumerate() {
             let rate = self.velocity[d] * duration;
             if plans_goal {
-                let acceleration = self.acceleration[d] * duration * duration;
+                let forced = match whole {
+                    true => self.model.spring().acceleration(0.0, 0.0, self.forcing[d]),
+                    false => 0.0,
+                };
+                let acceleration = self.acceleration[d] * duration * duration - forced;
                 let from = Jet { value: self.position[d], rate, acceleration };
                 self.quintics[d] = Quintic::passing(0.0, 1.0, from, goal, self.final_rate[d]);
                 self.spring[d] = (0.0, 0.0);
