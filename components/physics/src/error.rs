@@ -1,6 +1,6 @@
 //! Errors of steps and resets.
 
-use motorium_robots::Model;
+use motorium_robots::{Model, TerrainError};
 
 use crate::properties::Surface;
 use crate::robot::BASE_BOUND;
@@ -101,6 +101,11 @@ impl StepError {
 }
 
 impl ResetError {
+    /// The error of a terrain that cannot be made.
+    pub(crate) fn terrain(error: TerrainError) -> Self {
+        Self::World(WorldError::Terrain(error))
+    }
+
     /// Checks length and numbers of a state.
     pub(crate) fn check(model: &Model, q: &[f64], v: &[f64]) -> Result<(), Self> {
         let (positions, velocities) = (model.nq(), model.nv());

@@ -11,7 +11,7 @@ mod step;
 use motorium_robots::{Dynamics, FrameId, Kinematics};
 use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
 
-use crate::contact::{Colliders, ContactScene, SceneState};
+use crate::contact::{Colliders, ContactScene, ImpulseSums, SceneState};
 use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
@@ -92,6 +92,7 @@ pub struct Articulated {
     momentum_map: DMatrix<f64>,
     /// Length of the last integration step \[s\].
     h: f64,
+    sums: ImpulseSums,
 }
 
 /// A contact force on a link of the robot.
@@ -136,6 +137,7 @@ impl Engine for Articulated {
         let actuators = Actuators::new(setup, &robot.joints)?;
         let colliders = Colliders::new(setup, world, options, warnings);
         Ok(Self {
+            sums: ImpulseSums::new(&colliders.colliders),
             actuators,
             rays: Rays::new(&colliders),
             options: *options,
@@ -155,7 +157,15 @@ impl Engine for Articulated {
         self.scene.colliders().surfaces()
     }
 
-    fn set_properties(&mut self, robot: &Robot, _: &World, surfaces: &[Surface]) -> Result<(), ResetError> {
+    fn set_properties(
+        &mut self,
+        robot: &Robot,
+        world: &World,
+        surfaces: &[Surface],
+    ) -> Result<(), ResetError> {
+        if self.scene.set_terrain(world.terrain.as_ref()).map_err(ResetError::terrain)? {
+            self.rays = Rays::new(self.scene.colliders());
+        }
         self.integrator.set_joints(&robot.joints);
         self.actuators.set_limits(&robot.joints);
         self.scene.set_properties(surfaces, robot.model.mass());
@@ -242,6 +252,10 @@ impl Engine for Articulated {
 
     fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
         self.scene.object_velocity(index)
+    }
+
+    fn visit_impulses(&self, _: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
+        self.sums.visit(&self.scene.colliders().colliders, visit);
     }
 
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {

@@ -16,10 +16,11 @@ impl Articulated {
     /// The robot's and the objects' next state, `dt` \[s\] after the current one.
     pub(super) fn advance_by(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
         self.scene.objects.begin();
-        self.actuators.begin();
+        self.actuators.begin(robot);
         self.scene.set_poses(&robot.kinematics, &robot.base_pose());
         let near = self.scene.detect(dt, NEAR).iter().any(|point| point.distance < NEAR);
         let steps = if near { self.options.contact_iterations } else { self.options.substeps };
+        self.sums.clear();
         let mut report = StepReport::default();
         let h = dt / steps as f64;
         for step in 0..steps {
@@ -62,7 +63,8 @@ impl Articulated {
         let in_the_air = model.base().floating && alone && !self.scene.between_robot_and_world();
         let before = in_the_air.then(|| self.dynamics.momentum(model, &state.q_next, &state.v_next));
         let offset = state.v_next.len() - model.joint_count();
-        let commands = self.actuators.pass(commands, (&state.v_next[offset..], h), &mut self.integrator);
+        let joints = (model.joints_of_q(&state.q_next), &state.v_next[offset..], h);
+        let commands = self.actuators.pass(commands, joints, &mut self.integrator);
         let events = self.integrator.advance_among(
             model,
             (&mut state.q_next, &mut state.v_next),
@@ -74,6 +76,10 @@ impl Articulated {
         );
         let events = events.map_err(|Singular(index)| StepError::singular(model, index))?;
         self.actuators.apply(tau, h);
+        for (index, contact, ..) in self.scene.points() {
+            let (first, second) = contact.colliders;
+            self.sums.add([first, second], &contact.point, &self.scene.impulses.vector(index));
+        }
         if let Some(before) = before {
             let linear = before.linear + *gravity * (h * model.mass());
             self.keep_momentum(robot, linear, before.angular);

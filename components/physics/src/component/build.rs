@@ -1,6 +1,7 @@
 //! Setting up the simulation of a component.
 
 use core::ops::Range;
+use std::path::Path;
 
 use motorium::declare::{ConfigError, RobotReference};
 use motorium::state::MAX_JOINTS;
@@ -42,17 +43,20 @@ impl BuiltRobot {
     }
 }
 
-/// Loads the robots and sets up their simulation.
+/// Loads the robots and sets up their simulation; relative paths of the configuration begin at `folder`.
 pub(super) fn build<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robot: Option<&RobotReference>,
     robots: &[RobotReference],
+    folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
+    let mut config = config.clone();
+    config.world.locate(folder);
     match (robot, robots) {
-        (Some(robot), _) => one(config, robot),
+        (Some(robot), _) => one(&config, robot, folder),
         (None, []) => Err(ConfigError::new("it simulates a robot, but the component names none")
             .advise("add `robot = \"NAME\"`, or `robots = [\"ONE\", \"OTHER\"]`")),
-        (None, robots) => several(config, robots),
+        (None, robots) => several(&config, robots, folder),
     }
 }
 
@@ -78,13 +82,19 @@ fn load(config: &PhysicsConfig, robot: &RobotReference) -> Result<(RobotSetup, L
     Ok((setup, loaded))
 }
 
-fn one<E: PhysicsEngine>(config: &PhysicsConfig, robot: &RobotReference) -> Result<Built<E>, ConfigError> {
+fn one<E: PhysicsEngine>(
+    config: &PhysicsConfig,
+    robot: &RobotReference,
+    folder: &Path,
+) -> Result<Built<E>, ConfigError> {
     if let Some(name) = config.start.keys().next() {
         let message = format!("a start for `{name}` of a component with one robot");
         return Err(ConfigError::key("start", message).advise("use `pose` or `position`"));
     }
     let (mut setup, loaded) = load(config, robot)?;
-    setup.actuators = actuators::settings(config.actuator.as_ref(), &config.actuators, &loaded.model)?;
+    setup.actuators =
+        actuators::settings(config.actuator.as_ref(), &config.actuators, &loaded.model, folder)?;
+    config.set_surfaces(&mut setup)?;
     let drives = loaded.model.joint_count() + setup.rotors.len();
     let joints = config.start(&loaded)?;
     let base = config.base_start(&loaded, robot.pose.is_some())?;
@@ -102,6 +112,7 @@ fn one<E: PhysicsEngine>(config: &PhysicsConfig, robot: &RobotReference) -> Resu
 fn several<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robots: &[RobotReference],
+    folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     if config.position.is_some() || config.base.is_some() {
         return Err(ConfigError::new("`position` and `base` are those of one robot, and there are several")
@@ -149,8 +160,9 @@ fn several<E: PhysicsEngine>(
         .collect();
     let model =
         Model::world("world", &placed).map_err(|error| ConfigError::key("robots", error.to_string()))?;
-    let actuators = actuators::settings(config.actuator.as_ref(), &config.actuators, &model)?;
-    let setup = RobotSetup { collision_rules: rules, actuators, ..RobotSetup::from(model) };
+    let actuators = actuators::settings(config.actuator.as_ref(), &config.actuators, &model, folder)?;
+    let mut setup = RobotSetup { collision_rules: rules, actuators, ..RobotSetup::from(model) };
+    config.set_surfaces(&mut setup)?;
     let mut simulation =
         Simulation::new(setup, config.world.clone(), &q, config.solver).map_err(config::refused)?;
     E::prepare(&mut simulation, false);

@@ -22,15 +22,16 @@ use nalgebra::Vector3;
 use serde_json::json;
 
 use crate::{Articulated, BuildWarning, JointCommand, Mujoco, Rapier, Simulation, Simulator, StepReport};
-pub use actuators::{ActuatorConfig, EnvelopeConfig, ThermalConfig};
+pub use actuators::ActuatorConfig;
 pub use build::PhysicsEngine;
 use build::{Built, build};
-pub use config::PhysicsConfig;
+pub use config::{PhysicsConfig, SurfaceConfig};
 pub use pushes::PushConfig;
 use pushes::Pushes;
 use randomise::Randomiser;
 pub use randomise::{
     Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals, SurfaceIntervals,
+    TerrainIntervals,
 };
 use truth::Truth;
 
@@ -115,7 +116,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             declare.actuator();
         }
         // Everything that could be refused later is refused now.
-        let built = build::<E>(config, declare.robot(), declare.robots())?;
+        let built = build::<E>(config, declare.robot(), declare.robots(), declare.folder())?;
         randomise::declare(&config.randomise, &built, declare)?;
         let Built { simulation, robots, .. } = built;
         Pushes::new(&config.pushes, simulation.model())?;
@@ -139,7 +140,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
 
     fn configure(config: PhysicsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let (one, several) = (setup.robot().ok().cloned(), setup.robots().to_vec());
-        let Built { mut simulation, robots, on_ground } = build::<E>(&config, one.as_ref(), &several)?;
+        let Built { mut simulation, robots, on_ground } =
+            build::<E>(&config, one.as_ref(), &several, setup.folder())?;
         let (nq, nv) = (simulation.model().nq(), simulation.model().nv());
         let (start_q, start_v) = (simulation.configuration().to_vec(), simulation.velocity().to_vec());
         let nominal = (simulation.model().clone(), simulation.gravity());
@@ -208,6 +210,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             }
             let report =
                 self.simulation.step(tick.dt()).map_err(|error| StepError::failed(error.to_string()))?;
+            let pushed_until = if tick.settling { u64::MAX } else { tick.time_ns };
+            self.truth.accumulate(&self.simulation, self.pushes.forces(pushed_until), tick.dt());
             if !tick.settling {
                 self.totals.add(&report, self.simulation.base_pose().translation.z);
             }
@@ -253,6 +257,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             }
             (robot.safe, robot.resuming) = (0, 0);
         });
+        self.truth.reset();
         (self.last_ns, self.totals) = (None, Totals::NONE);
         Ok(())
     }

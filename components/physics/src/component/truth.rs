@@ -2,7 +2,7 @@
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{Declare, StepError};
-use motorium::state::{Contacts, MAX_CONTACTS, MAX_OBJECTS, ObjectPoses};
+use motorium::state::{ContactImpulses, Contacts, MAX_CONTACTS, MAX_IMPULSES, MAX_OBJECTS, ObjectPoses};
 use motorium::transport::Output;
 use motorium_robots::FrameId;
 use nalgebra::{Point3, Vector3};
@@ -21,6 +21,7 @@ const FIRST_LINK: u32 = 65_536;
 /// The outputs of the truth that is no joint state and no base state. An output that is not wired costs nothing.
 pub(super) struct Truth {
     contacts: Option<Output<Contacts>>,
+    impulses: Option<Accumulated>,
     objects: Option<Output<ObjectPoses>>,
     /// Names of the links, sorted, with their indices among the links of the model.
     links: Vec<(String, u32)>,
@@ -34,6 +35,8 @@ pub(super) struct Truth {
 pub(super) fn declare(robots: usize, world: &World, declare: &mut Declare) {
     if robots == 1 {
         declare.output::<Contacts>("contacts", "contact points on the robot after the step");
+        let doc = "impulses of contacts and pushes on the links since the start of the episode";
+        declare.output::<ContactImpulses>("contact_impulses", doc);
     }
     if !world.objects.is_empty() {
         declare.output::<ObjectPoses>("object_poses", "poses of the objects after the step");
@@ -60,11 +63,40 @@ impl Truth {
         let ids = ids.collect();
         Ok(Self {
             contacts: if robots == 1 { Some(setup.output("contacts")?) } else { None },
+            impulses: if robots == 1 { Some(Accumulated::open(links.len(), setup)?) } else { None },
             objects: if world.objects.is_empty() { None } else { Some(setup.output("object_poses")?) },
             links,
             names,
             ids,
         })
+    }
+
+    /// Adds up what contacts and pushes did in a step of `dt` \[s\].
+    pub(super) fn accumulate<E: Engine>(
+        &mut self,
+        simulation: &Simulation<E>,
+        pushes: impl Iterator<Item = (FrameId, Point3<f64>, Vector3<f64>, Vector3<f64>)>,
+        dt: f64,
+    ) {
+        let Some(impulses) = self.impulses.as_mut().filter(|impulses| impulses.output.is_wired()) else {
+            return;
+        };
+        for (link, point, arm, force) in pushes {
+            let at = simulation.frame_pose(link) * point + arm;
+            impulses.add(link.index() as u32, &(force * dt), &(at.coords.cross(&force) * dt));
+        }
+        simulation.engine.visit_impulses(dt, &mut |name, impulse, moment| {
+            if let Some(link) = find(&self.links, name) {
+                impulses.add(link, impulse, moment);
+            }
+        });
+    }
+
+    /// Starts an episode.
+    pub(super) fn reset(&mut self) {
+        if let Some(impulses) = &mut self.impulses {
+            impulses.touched.clear();
+        }
     }
 
     /// Publishes the state after a step.
@@ -73,7 +105,10 @@ impl Truth {
         simulation: &Simulation<E>,
         pushes: impl Iterator<Item = (FrameId, Point3<f64>, Vector3<f64>, Vector3<f64>)>,
     ) -> Result<(), StepError> {
-        let Self { contacts, objects, links, names, ids } = self;
+        let Self { contacts, impulses, objects, links, names, ids } = self;
+        if let Some(impulses) = impulses {
+            impulses.publish()?;
+        }
         if let Some(output) = contacts.as_mut().filter(|output| output.is_wired()) {
             let mut points = output.loan()?;
             let mut count = 0;
@@ -132,6 +167,47 @@ impl Truth {
             poses.publish()?;
         }
         Ok(())
+    }
+}
+
+/// The impulses on the links since the start of an episode.
+struct Accumulated {
+    output: Output<ContactImpulses>,
+    /// Link, impulse and moment, in the order in which the links were first touched.
+    touched: Vec<(u32, Vector3<f64>, Vector3<f64>)>,
+}
+
+impl Accumulated {
+    fn open(links: usize, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let touched = Vec::with_capacity(links.min(MAX_IMPULSES));
+        Ok(Self { output: setup.output("contact_impulses")?, touched })
+    }
+
+    fn add(&mut self, link: u32, impulse: &Vector3<f64>, moment: &Vector3<f64>) {
+        if let Some((_, impulses, moments)) = self.touched.iter_mut().find(|(other, ..)| *other == link) {
+            *impulses += impulse;
+            *moments += moment;
+        } else if self.touched.len() < self.touched.capacity() {
+            self.touched.push((link, *impulse, *moment));
+        }
+    }
+
+    fn publish(&mut self) -> Result<(), StepError> {
+        if !self.output.is_wired() {
+            return Ok(());
+        }
+        let mut sums = self.output.loan()?;
+        sums.set_count(self.touched.len());
+        for (index, (link, impulse, moment)) in self.touched.iter().enumerate() {
+            sums.link_mut()[index] = *link;
+            sums.impulse_x_mut()[index] = impulse.x;
+            sums.impulse_y_mut()[index] = impulse.y;
+            sums.impulse_z_mut()[index] = impulse.z;
+            sums.moment_x_mut()[index] = moment.x;
+            sums.moment_y_mut()[index] = moment.y;
+            sums.moment_z_mut()[index] = moment.z;
+        }
+        sums.publish()
     }
 }
 

@@ -17,8 +17,10 @@ mod impulses;
 mod newton;
 mod objects;
 mod scene;
+mod sums;
 mod terrain;
 
 pub(crate) use colliders::{Collider, Colliders, Owner};
 pub(crate) use impulses::ContactResponse;
 pub(crate) use scene::{ContactScene, SceneState};
+pub(crate) use sums::ImpulseSums;

@@ -10,6 +10,7 @@ mod conformance;
 mod contacts;
 mod determinism;
 mod drives;
+mod drivetrains;
 mod engines;
 mod first_step;
 mod floating;
@@ -23,7 +24,9 @@ mod panda;
 mod pushes;
 mod randomise;
 mod several_robots;
+mod shaped_terrain;
 mod standing;
+mod surfaces;
 mod terrain;
 mod world_file;
 
