@@ -56,6 +56,7 @@ mod nearest;
 mod per_joint;
 mod postures;
 mod profile;
+pub mod safetensors;
 mod source;
 mod srdf;
 mod terrain;
@@ -63,7 +64,12 @@ mod twist;
 mod urdf;
 mod world;
 
-pub use actuator::{Actuator, ActuatorError, ActuatorSettings, Delay, EffortLaw, Envelope, Thermal};
+pub use actuator::{
+    Activation, Actuator, ActuatorError, ActuatorNetwork, ActuatorSettings, ActuatorTable,
+    ActuatorTableError, Delay, DriveCommand, Drivetrain, DrivetrainTable, EffortLaw, Envelope, EnvelopeTable,
+    InputOrder, JointLaw, Motor, NetworkError, NetworkSettings, NetworkTable, NetworkWeights, Thermal,
+    ThermalTable,
+};
 pub use appearance::{Appearance, Checker, Colour, Light, LinkColours};
 pub use catalogue::{Entry, catalogue};
 pub use dynamics::{

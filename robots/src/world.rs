@@ -1,5 +1,7 @@
 //! The world around the robot, as a file describes it.
 
+use std::path::Path;
+
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -211,6 +213,21 @@ pub enum WorldError {
 }
 
 impl World {
+    /// Lets the relative paths of its files begin at a folder.
+    ///
+    /// ```
+    /// # use motorium_robots::World;
+    /// let text = "terrain = { size = [4.0, 4.0], layers = [{ image = { file = \"hills.png\", height = [0.0, 0.2] } }] }";
+    /// let mut world: World = toml::from_str(text).unwrap();
+    /// world.locate("/nowhere".as_ref());
+    /// assert!(world.height_field().unwrap_err().to_string().contains("/nowhere/hills.png"));
+    /// ```
+    pub fn locate(&mut self, folder: &Path) {
+        if let Some(terrain) = &mut self.terrain {
+            terrain.locate(folder);
+        }
+    }
+
     /// The height field of its terrain, where it has one.
     ///
     /// # Errors

@@ -40,7 +40,7 @@ fn a_step_far_longer_than_the_lag_neither_overshoots_nor_swings() {
 fn a_saturated_motor_approaches_its_limit_as_slowly_as_the_lag_has_it() {
     let lag = 0.01;
     let settings = ActuatorSettings { lag, ..ActuatorSettings::default() };
-    let (mut asked_much, mut asked_the_limit) = (actuator(settings, 10.0), actuator(settings, 10.0));
+    let (mut asked_much, mut asked_the_limit) = (actuator(settings.clone(), 10.0), actuator(settings, 10.0));
     for _ in 0..50 {
         assert_eq!(asked_much.step(1e4, 0.0, 1e-3), asked_the_limit.step(10.0, 0.0, 1e-3));
     }

@@ -1,5 +1,6 @@
 //! The integration tests of the crate as one program. `allocations.rs` is another, for it counts through the allocator.
 
+mod actuator_networks;
 mod actuators;
 mod axes_near_poles;
 mod bases;
@@ -9,9 +10,11 @@ mod constrained;
 mod conventions;
 mod derivatives;
 mod distances;
+mod drivetrains;
 mod end_effectors;
 mod floating;
 mod golden;
+mod height_pictures;
 mod inverse_kinematics;
 mod lie_groups;
 mod loading;

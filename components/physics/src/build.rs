@@ -201,6 +201,11 @@ impl Options {
         count("substeps", self.substeps)?;
         count("contact_iterations", self.contact_iterations)?;
         amount("armature", self.armature)?;
-        amount("friction", self.friction)
+        amount("friction", self.friction)?;
+        if !(0.0..=1.0).contains(&self.restitution) {
+            let (name, value) = ("restitution", self.restitution);
+            return Err(BuildError::Option { name, value, expected: "a number from 0 to 1" });
+        }
+        Ok(())
     }
 }

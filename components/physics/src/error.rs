@@ -1,6 +1,6 @@
 //! Errors of steps and resets.
 
-use motorium_robots::Model;
+use motorium_robots::{Model, TerrainError};
 
 use crate::properties::Surface;
 use crate::robot::{Articulation, BASE_BOUND};
@@ -103,6 +103,11 @@ impl StepError {
 }
 
 impl ResetError {
+    /// The error of a terrain that cannot be made.
+    pub(crate) fn terrain(error: TerrainError) -> Self {
+        Self::World(WorldError::Terrain(error))
+    }
+
     /// Checks the numbers of a state of `model`, whose first joint is joint `first` of all.
     pub(crate) fn check(model: &Model, q: &[f64], v: &[f64], first: usize) -> Result<(), Self> {
         let (offset, base) = (model.nq() - model.joint_count(), model.nv() - model.joint_count());

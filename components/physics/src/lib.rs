@@ -33,9 +33,9 @@ pub use batch::Batch;
 pub use build::{BuildError, BuildWarning};
 pub use command::JointCommand;
 pub use component::{
-    ActuatorConfig, ArticulatedPhysics, EnvelopeConfig, Interval, MujocoPhysics, ObjectIntervals,
-    PhysicsComponent, PhysicsConfig, PhysicsEngine, PlaceIntervals, PushConfig, RandomiseConfig,
-    RapierPhysics, RobotIntervals, SurfaceIntervals, ThermalConfig, kinds,
+    ActuatorConfig, ArticulatedPhysics, Interval, MujocoPhysics, ObjectIntervals, PhysicsComponent,
+    PhysicsConfig, PhysicsEngine, PlaceIntervals, PushConfig, RandomiseConfig, RapierPhysics, RobotIntervals,
+    SurfaceConfig, SurfaceIntervals, TerrainIntervals, kinds,
 };
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;

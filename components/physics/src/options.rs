@@ -26,10 +26,21 @@ pub struct Options {
     /// surfaces'.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
+    /// Restitution of the robot's surface: the share of the approach speed kept after an impact, 0 to 1, default 0. That of a
+    /// contact is the mean of both surfaces'.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub restitution: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { substeps: 1, contact_iterations: 2, self_collision: true, armature: 0.0, friction: 0.8 }
+        Self {
+            substeps: 1,
+            contact_iterations: 2,
+            self_collision: true,
+            armature: 0.0,
+            friction: 0.8,
+            restitution: 0.0,
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! Physical properties that may change from one reset to the next.
 
-use motorium_robots::{Model, World};
+use motorium_robots::{Model, Terrain, World};
 
 use crate::joint::JointProperties;
 use crate::{Engine, ResetError, Simulation};
@@ -82,7 +82,7 @@ impl<E: Engine> Simulation<E> {
         if !fits {
             return Err(ResetError::Properties);
         }
-        // The terrain is that of the simulation: to compute its heights again would take long.
+        // The terrain is checked where its heights are computed: to do so twice would take long.
         let level = World { terrain: None, ..world.clone() };
         let frames = models.iter().flat_map(|model| model.frames());
         let links = frames.map(|frame| frame.name.as_str());
@@ -119,11 +119,19 @@ fn same_robot(a: &Model, b: &Model) -> bool {
         && a.frames().iter().zip(b.frames()).all(|(a, b)| a.name == b.name && a.placement == b.placement)
 }
 
+/// True for two terrains of the same size and the same layers, whatever is drawn for them and however high they are.
+fn same_terrain(a: Option<&Terrain>, b: Option<&Terrain>) -> bool {
+    match (a, b) {
+        (Some(a), Some(b)) => *a == Terrain { seed: a.seed, scale: a.scale, ..b.clone() },
+        (a, b) => a.is_none() && b.is_none(),
+    }
+}
+
 /// True for two worlds of the same ground and the same objects, fixed ones where they are.
 fn same_world(a: &World, b: &World) -> bool {
     let ground = a.ground.map(|ground| ground.height) == b.ground.map(|ground| ground.height);
     ground
-        && a.terrain == b.terrain
+        && same_terrain(a.terrain.as_ref(), b.terrain.as_ref())
         && a.objects.len() == b.objects.len()
         && a.objects
             .iter()

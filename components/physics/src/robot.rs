@@ -22,6 +22,8 @@ pub struct RobotSetup {
     pub collision_rules: Srdf,
     /// Coefficients of friction of links whose surface is not as that of the others.
     pub friction: BTreeMap<String, f64>,
+    /// Restitutions of links whose surface is not as that of the others, from 0 to 1.
+    pub restitution: BTreeMap<String, f64>,
     /// The actuators of the joints, one for each; `None`, and those beyond the end of the list, are ideal.
     pub actuators: Vec<Option<ActuatorSettings>>,
 }
@@ -29,7 +31,8 @@ pub struct RobotSetup {
 impl From<Model> for RobotSetup {
     fn from(model: Model) -> Self {
         let (rotors, actuators) = (Vec::new(), Vec::new());
-        Self { model, rotors, collision_rules: Srdf::default(), friction: BTreeMap::new(), actuators }
+        let (friction, restitution) = (BTreeMap::new(), BTreeMap::new());
+        Self { model, rotors, collision_rules: Srdf::default(), friction, restitution, actuators }
     }
 }
 
@@ -49,7 +52,7 @@ impl RobotSetup {
         let feet = robot.profile.iter().flat_map(|profile| profile.feet.values());
         let friction = feet.filter_map(|foot| Some((foot.frame.clone(), foot.friction?))).collect();
         let collision_rules = robot.exclusions.clone();
-        Ok(Self { model, rotors, collision_rules, friction, actuators: Vec::new() })
+        Ok(Self { rotors, collision_rules, friction, ..Self::from(model) })
     }
 }
 

@@ -105,6 +105,21 @@ pub trait Engine: Sized {
 
     /// Passes every contact point of the last step to `visit`.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
+
+    /// Passes the contacts' impulse on each collider that a contact touched during the last step, of `dt` \[s\], to `visit`: its name, the
+    /// impulse \[N s\] and its moment about the origin of the world \[N m s\], friction included. A collider, or one of several with a name,
+    /// may come more than once.
+    ///
+    /// By default the forces that [`visit_contacts`](Self::visit_contacts) passes act for the whole step; an engine with several integration
+    /// steps in one adds up theirs.
+    fn visit_impulses(&self, dt: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
+        self.visit_contacts(&mut |contact| {
+            let impulse = (contact.normal * contact.force + contact.friction) * dt;
+            let moment = contact.point.coords.cross(&impulse);
+            visit(contact.second, &impulse, &moment);
+            visit(contact.first, &-impulse, &-moment);
+        });
+    }
 }
 
 /// A robot in a world, moved by an engine `E`.

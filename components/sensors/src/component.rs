@@ -2,6 +2,7 @@
 
 pub mod blob;
 pub mod contact;
+mod draws;
 pub mod estimator;
 pub mod force_torque;
 pub mod imu;

@@ -7,6 +7,7 @@
 //! - [`geodesy`]: places on the earth.
 //! - [`ranging`]: rays of sensors of distance, and the errors of what they read.
 //! - [`pinhole`]: cameras without distortion. [`rendering`]: the pictures that they take. [`blob`]: a thing of one colour in them.
+//! - [`randomise`]: parameters that are drawn anew for every episode.
 //! - [`delay`]: readings held back until their latency is over.
 //! - [`noise`]: reproducible Gaussian noise.
 //! - [`estimation`]: filters, the base of a legged robot, the Riccati equation.
@@ -50,6 +51,7 @@ pub mod imu;
 pub mod loads;
 pub mod noise;
 pub mod pinhole;
+pub mod randomise;
 pub mod ranging;
 pub mod rendering;
 

@@ -32,6 +32,21 @@ pub struct OutsideForce {
     pub force: Vector3<f64>,
 }
 
+/// A wrench from outside on a link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OutsideWrench {
+    /// The link, by its index among the frames of the model.
+    pub link: usize,
+    /// The wrench on the link.
+    pub wrench: WorldWrench,
+}
+
+impl From<OutsideForce> for OutsideWrench {
+    fn from(OutsideForce { link, point, force }: OutsideForce) -> Self {
+        Self { link, wrench: WorldWrench { force, torque: point.coords.cross(&force) } }
+    }
+}
+
 /// The wrenches with which the links of a robot carry one another, as the means between two samples of its motion.
 ///
 /// A link and all that it carries have together the momentum `P`, the angular momentum `L` about the origin of the world and the
@@ -122,6 +137,17 @@ impl Loads {
         kinematics: &Kinematics,
         outside: impl IntoIterator<Item = OutsideForce>,
     ) -> bool {
+        self.sample_wrenches(time_ns, model, kinematics, outside.into_iter().map(OutsideWrench::from))
+    }
+
+    /// As [`sample`](Self::sample), with mean wrenches from outside.
+    pub fn sample_wrenches(
+        &mut self,
+        time_ns: u64,
+        model: &Model,
+        kinematics: &Kinematics,
+        outside: impl IntoIterator<Item = OutsideWrench>,
+    ) -> bool {
         for (index, (link, frame)) in self.links.iter_mut().zip(model.frame_ids()).enumerate() {
             link.before = link.now;
             // what stands in the world carries, and is not carried
@@ -137,7 +163,12 @@ impl Loads {
         true
     }
 
-    fn balance(&mut self, dt: f64, outside: impl IntoIterator<Item = OutsideForce>) {
+    /// Time of the last sample \[ns\].
+    pub fn last(&self) -> Option<u64> {
+        self.last
+    }
+
+    fn balance(&mut self, dt: f64, outside: impl IntoIterator<Item = OutsideWrench>) {
         let Self { links, gravity, wrenches, .. } = self;
         for (wrench, Link { now, before, inertia, factor, .. }) in wrenches.iter_mut().zip(&*links) {
             let centre = (now.moment + before.moment) * 0.5;
@@ -146,10 +177,10 @@ impl Loads {
                 torque: (now.angular - before.angular) / dt - centre.cross(gravity),
             };
         }
-        for OutsideForce { link, point, force } in outside {
+        for OutsideWrench { link, wrench: outside } in outside {
             if let Some(wrench) = wrenches.get_mut(link) {
-                wrench.force -= force;
-                wrench.torque -= point.coords.cross(&force);
+                wrench.force -= outside.force;
+                wrench.torque -= outside.torque;
             }
         }
         // Parents stand before their children.

@@ -1,10 +1,13 @@
 //! The layers of a terrain.
 
+use std::path::Path;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::TerrainError;
 use super::expression::Expression;
+use super::image::Picture;
 
 /// A layer of a terrain. `direction` is an angle from x towards y (rad), default 0; `from` the distance from the origin
 /// along it where the layer begins (m), default 0.
@@ -16,6 +19,22 @@ pub enum TerrainLayer {
         /// Height (m) of `x` and `y` (m): numbers, `+ - * / ^`, brackets, `pi`, and sin, cos, tan, exp, log, sqrt, abs, floor,
         /// min, max.
         height: String,
+    },
+    /// A picture whose grey is the height: a PNG file, grey, of 8 or 16 bits.
+    ///
+    /// Seen from above, x goes to the right in the picture and y up. The outermost pixels lie on the edges of its `size`; between
+    /// pixels the height is interpolated, beyond them it goes on as at the edge.
+    Image {
+        /// The file; a relative path begins at the folder of the graph.
+        file: String,
+        /// Heights of black and of white (m).
+        height: [f64; 2],
+        /// Length along x and y that it covers (m). Default: that of the terrain.
+        #[serde(default)]
+        size: Option<[f64; 2]>,
+        /// Its middle along x and y (m). Default: that of the terrain.
+        #[serde(default)]
+        centre: Option<[f64; 2]>,
     },
     /// A fractal surface by the diamond-square algorithm.
     DiamondSquare {
@@ -123,6 +142,27 @@ impl TerrainLayer {
                     problem,
                 })?;
                 by_place(&mut |x, y| expression.value(x, y));
+            }
+            Self::Image { ref file, height: [black, white], size, centre } => {
+                finite("image.height", black)?;
+                finite("image.height", white)?;
+                let whole = count.map(|count| spacing * (count - 1) as f64);
+                let size = size.unwrap_or(whole);
+                let middle = [0, 1].map(|axis| corner[axis] + 0.5 * whole[axis]);
+                let centre = centre.unwrap_or(middle);
+                for axis in 0..2 {
+                    positive("image.size", size[axis])?;
+                    finite("image.centre", centre[axis])?;
+                }
+                let picture = Picture::read(Path::new(file)).map_err(|problem| TerrainError::Picture {
+                    key: format!("{key}.image.file"),
+                    file: file.clone(),
+                    problem,
+                })?;
+                by_place(&mut |x, y| {
+                    let (right, up) = ((x - centre[0]) / size[0] + 0.5, (y - centre[1]) / size[1] + 0.5);
+                    black + (white - black) * picture.at(right, 1.0 - up)
+                });
             }
             Self::Slope { angle, direction, from, length } => {
                 check("slope.angle", angle, angle.abs() < 1.5, "an angle between -1.5 and 1.5 rad")?;

@@ -3,7 +3,10 @@
 mod cast;
 mod expression;
 mod field;
+mod image;
 mod layers;
+
+use std::path::Path;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -58,6 +61,9 @@ pub struct Terrain {
     /// Seed of what is drawn. Default 0.
     #[serde(default)]
     pub seed: u64,
+    /// Factor of all heights. Default 1.
+    #[serde(default = "one")]
+    pub scale: f64,
     /// Coefficient of friction. That of a contact is the mean of both surfaces'. Default 0.8.
     #[serde(default = "default_friction")]
     #[schemars(range(min = 0.0))]
@@ -68,6 +74,10 @@ pub struct Terrain {
     pub restitution: f64,
     /// The layers, whose heights are added.
     pub layers: Vec<TerrainLayer>,
+}
+
+fn one() -> f64 {
+    1.0
 }
 
 fn default_spacing() -> f64 {
@@ -101,6 +111,16 @@ pub enum TerrainError {
         /// The place and the problem.
         problem: String,
     },
+    /// A picture that cannot be read.
+    #[error("`{key}` = \"{file}\": {problem}")]
+    Picture {
+        /// The key.
+        key: String,
+        /// The file.
+        file: String,
+        /// What was found, and what was expected.
+        problem: String,
+    },
     /// More heights than fit.
     #[error("{found:.3e} heights, expected at most {most:.0e}; raise `spacing` or lower `size`")]
     Fine {
@@ -128,7 +148,16 @@ impl TerrainError {
 }
 
 impl Terrain {
-    /// The height field of the terrain, the same for the same description.
+    /// Lets the relative paths of its pictures begin at a folder.
+    pub fn locate(&mut self, folder: &Path) {
+        for layer in &mut self.layers {
+            if let TerrainLayer::Image { file, .. } = layer {
+                *file = folder.join(&*file).to_string_lossy().into_owned();
+            }
+        }
+    }
+
+    /// The height field of the terrain, the same for the same description and the same pictures, which are read from their files.
     ///
     /// # Errors
     /// [`TerrainError`].
@@ -141,9 +170,12 @@ impl Terrain {
         for size in self.size {
             positive("size", size)?;
         }
-        for (key, value) in
-            [("centre", self.centre[0]), ("centre", self.centre[1]), ("friction", self.friction)]
-        {
+        for (key, value) in [
+            ("centre", self.centre[0]),
+            ("centre", self.centre[1]),
+            ("friction", self.friction),
+            ("scale", self.scale),
+        ] {
             if !value.is_finite() {
                 return Err(TerrainError::value(key, value, "a finite number"));
             }
@@ -176,6 +208,7 @@ impl Terrain {
         }
         for (index, height) in heights.iter_mut().enumerate() {
             let (x, y) = (place(index / count[1], 0), place(index % count[1], 1));
+            *height *= self.scale;
             if !height.is_finite() || height.abs() > 1e6 {
                 return Err(TerrainError::Height { x, y, height: *height });
             }

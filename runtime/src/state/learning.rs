@@ -124,7 +124,7 @@ impl Reward {
 }
 
 counted_buffer! {
-    /// The physical properties that a simulation drew for an episode, each with the part that it belongs to.
+    /// The properties that a simulation or a sensor drew for an episode, each with the part that it belongs to.
     ///
     /// ```
     /// use motorium::state::Randomisation;
@@ -148,7 +148,7 @@ counted_buffer! {
             property, property_mut: u32;
             /// The body, joint or object that it belongs to, by its index in the robot or the world; else 0.
             part, part_mut: u32;
-            /// The number drawn: a factor, a coefficient, or a displacement in m or rad.
+            /// The number drawn: a factor, a coefficient, a displacement in m or rad, a time in s, or a seed.
             value, value_mut: f64;
         }
     }
@@ -197,6 +197,16 @@ impl Randomisation {
     pub const OBJECT_Z: u32 = 20;
     /// Turn of the start of an object about z of the world, rad.
     pub const OBJECT_YAW: u32 = 21;
+    /// Factor of the noise of a sensor.
+    pub const SENSOR_NOISE: u32 = 22;
+    /// Factor of the bias of a sensor.
+    pub const SENSOR_BIAS: u32 = 23;
+    /// Latency of a sensor, s.
+    pub const SENSOR_LATENCY: u32 = 24;
+    /// Seed of the terrain.
+    pub const TERRAIN_SEED: u32 = 25;
+    /// Factor of the heights of the terrain.
+    pub const TERRAIN_SCALE: u32 = 26;
 
     /// The part of a property of the base of a robot.
     pub const BASE: u32 = u32::MAX;

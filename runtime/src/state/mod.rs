@@ -44,7 +44,9 @@ pub use numbers::{number, numbered};
 pub use people::{Controls, Event, MAX_AXES, MAX_EVENT_TEXT, MAX_TEXT, Text};
 pub use ranging::{Altitude, GeoFix, HeightScan, MAX_HEIGHTS, MAX_RANGES, MagneticField, Ranges};
 pub use read::from_bytes;
-pub use sensing::{CloudPoint, Contacts, ImageInfo, MAX_CONTACTS, MAX_OBJECTS, ObjectPoses};
+pub use sensing::{
+    CloudPoint, ContactImpulses, Contacts, ImageInfo, MAX_CONTACTS, MAX_IMPULSES, MAX_OBJECTS, ObjectPoses,
+};
 pub use stamp::{FUTURE_TOLERANCE_NS, Stamp};
 
 #[doc(hidden)]

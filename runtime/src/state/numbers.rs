@@ -2,10 +2,10 @@
 //! by it.
 
 use super::{
-    Action, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, Contacts, ControlDiagnostics,
-    Controls, EmergencyStop, Event, FootContacts, GeoFix, HeightScan, ImageInfo, ImuSample, JointCommand,
-    JointState, MagneticField, ObjectPoses, Observation, Odometry, Phase, PoseTarget, Randomisation, Ranges,
-    Reward, StateBuffer, Text, TwistTarget, TypeLayout, Weights, Wrench,
+    Action, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, ContactImpulses, Contacts,
+    ControlDiagnostics, Controls, EmergencyStop, Event, FootContacts, GeoFix, HeightScan, ImageInfo,
+    ImuSample, JointCommand, JointState, MagneticField, ObjectPoses, Observation, Odometry, Phase,
+    PoseTarget, Randomisation, Ranges, Reward, StateBuffer, Text, TwistTarget, TypeLayout, Weights, Wrench,
 };
 
 macro_rules! numbers {
@@ -85,6 +85,7 @@ numbers! {
     30 HeightScan,
     31 Randomisation,
     32 ControlDiagnostics,
+    33 ContactImpulses,
 }
 
 #[cfg(test)]

@@ -45,6 +45,41 @@ counted_buffer! {
     }
 }
 
+/// The most links of one [`ContactImpulses`].
+pub const MAX_IMPULSES: usize = 128;
+
+counted_buffer! {
+    /// Impulses of all contacts and pushes on links of a robot, added up since the start of the episode: of two values the difference is
+    /// the impulse between them, however many steps lie there.
+    ///
+    /// ```
+    /// use motorium::state::ContactImpulses;
+    ///
+    /// let mut impulses = ContactImpulses::default();
+    /// impulses.set_count(1);
+    /// impulses.impulse_z_mut()[0] = 0.3;
+    /// assert_eq!(impulses.impulse_z(), [0.3]);
+    /// ```
+    pub struct ContactImpulses as "motorium.ContactImpulses", at most MAX_IMPULSES {
+        counted {
+            /// The link, by its index among the links of the robot's model. A link that nothing has touched yet is not there.
+            link, link_mut: u32;
+            /// Impulse on the link, x, N s.
+            impulse_x, impulse_x_mut: f64;
+            /// Impulse on the link, y, N s.
+            impulse_y, impulse_y_mut: f64;
+            /// Impulse on the link, z, N s.
+            impulse_z, impulse_z_mut: f64;
+            /// Moment of the impulses about the origin of the world, x, N m s.
+            moment_x, moment_x_mut: f64;
+            /// Moment of the impulses about the origin of the world, y, N m s.
+            moment_y, moment_y_mut: f64;
+            /// Moment of the impulses about the origin of the world, z, N m s.
+            moment_z, moment_z_mut: f64;
+        }
+    }
+}
+
 counted_buffer! {
     /// Poses of the objects of the world, in the world frame.
     ///

@@ -13,12 +13,13 @@ use serde::Deserialize;
 /// launcher, the printers and programs that drive several sessions share; a crate of the project, the drives on CAN
 /// buses, a wing of their own; `mcap` and `foxglove` without compression and server (27 crates): recordings that every viewer
 /// and reader of robotics opens; `socketcan`, with which drives reach the kernel's buses (seven crates); and `can-dbc`, which
-/// reads the databases of their messages (14 crates: a grammar for `pest`, and the encodings of old files).
-const CEILING: usize = 278;
+/// reads the databases of their messages (14 crates: a grammar for `pest`, and the encodings of old files); and
+/// `miniz_oxide`, which unpacks pictures that are terrain (two crates; the crate `png` brings four more).
+const CEILING: usize = 280;
 
 /// Crates that `cargo build --release -p motorium-view` may compile, counted in the same way. It is a program of its own for their
 /// sake: Foxglove's server runs on tokio.
-const VIEWER: usize = 206;
+const VIEWER: usize = 208;
 
 /// Standard output of cargo with these arguments, run in the workspace without the network.
 fn cargo(arguments: &[&str]) -> String {

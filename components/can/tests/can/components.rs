@@ -171,6 +171,28 @@ fn two_runs_publish_the_same_to_the_last_bit_and_no_step_allocates() {
 }
 
 #[test]
+fn behind_a_soft_drivetrain_a_drive_measures_its_motor_and_the_joint_lies_off_by_the_load_over_the_stiffness()
+{
+    let soft = r#"actuator = { delay = "1 ms", drivetrain = { motor_inertia = 0.05, stiffness = 120.0, damping = 2.0 } }"#;
+    let folder = Folder::new("soft", DRIVES);
+    let measured = Probe::<JointState>::of("arm/state");
+    let truth = Probe::<JointState>::of("arm/true_state");
+    let report = graph(&folder, soft, "").with(&measured).with(&truth).run("4 s").unwrap();
+    assert_eq!(adapter(&report)["missing_replies"], 0, "{}", adapter(&report));
+    let drives = report.components.iter().find(|component| component.name == "drives").unwrap();
+    assert_eq!(drives.allocations, Some(0));
+    let (measured, truth) = (measured.values().pop().unwrap(), truth.values().pop().unwrap());
+    for joint in 0..3 {
+        let twist = measured.position()[joint] - truth.position()[joint];
+        let expected = truth.effort()[joint] / 120.0;
+        // to the resolution of 16 bits over 25 rad, behind the gear
+        assert!((twist - expected).abs() < 2e-4, "joint {joint}: {twist}, {expected}");
+    }
+    assert!(truth.effort()[0].abs() > 1.0, "the weight of the arm bends it: {:?}", truth.effort());
+    assert_eq!(run("soft-1", soft, "1 s").state_hash, run("soft-2", soft, "1 s").state_hash);
+}
+
+#[test]
 fn a_silent_drive_is_lost_in_the_third_cycle() {
     for at in [300, 417, 600] {
         let fault = format!(r#"faults = [{{ at = "{at} ms", kind = "silent", joint = "joint2" }}]"#);
@@ -291,4 +313,6 @@ fn what_cannot_be_is_refused_before_anything_runs() {
     assert!(text.contains("the positions of drive `joint1` cover -1.500 to 1.500"), "{text}");
     let text = refused("fault", DRIVES, r#"faults = [{ at = "1 s", kind = "silent", joint = "joint9" }]"#);
     assert!(text.contains("the drive table has no `joint9`"), "{text}");
+    let text = refused("actuator", DRIVES, r#"actuators = { joint9 = { lag = "1 ms" } }"#);
+    assert!(text.contains("robot `planar-3r` has no joint `joint9`"), "{text}");
 }

@@ -1,10 +1,13 @@
 //! The actuators of the drives that are not ideal.
 
-use motorium_robots::{Actuator, Delay};
+use core::ops::Range;
+
+use motorium_robots::{Actuator, ActuatorNetwork, Delay, DriveCommand, Motor};
 
 use super::integrator::JointSpaceIntegrator;
+use crate::command::BRAKING_BAND;
 use crate::joint::JointProperties;
-use crate::robot::RobotSetup;
+use crate::robot::{Robot, RobotSetup};
 use crate::{BuildError, JointCommand};
 
 /// The actuators of a robot. Without any, nothing is computed.
@@ -23,11 +26,18 @@ struct Driven {
     now: Actuator,
     next: Actuator,
     delay: Delay<JointCommand>,
+    network: Option<ActuatorNetwork>,
+    /// Position error and velocity that the network has measured at the begin of the step.
+    measured: [f64; 2],
+    /// The command that the drive follows in the step.
+    acting: JointCommand,
+    /// The command at the motor in the present integration step.
+    at_motor: DriveCommand,
 }
 
 /// The state of [`Actuators`] that later steps depend on.
 #[derive(Clone, Debug)]
-pub(super) struct ActuatorsState(Vec<(Actuator, Delay<JointCommand>)>);
+pub(super) struct ActuatorsState(Vec<(Actuator, Delay<JointCommand>, Option<ActuatorNetwork>)>);
 
 impl Actuators {
     /// Those of the setup, for joints with these properties.
@@ -39,7 +49,17 @@ impl Actuators {
             let actuator = Actuator::new(settings, properties.effort_limit)
                 .map_err(|error| BuildError::Actuator { joint: joint_name(), error })?;
             let delay = Delay::new(settings.delay, JointCommand::default());
-            driven.push(Driven { joint, now: actuator, next: actuator, delay });
+            let network = settings.network.clone().map(ActuatorNetwork::new);
+            driven.push(Driven {
+                joint,
+                now: actuator,
+                next: actuator,
+                delay,
+                network,
+                measured: [0.0; 2],
+                acting: JointCommand::default(),
+                at_motor: DriveCommand::effort(0.0),
+            });
         }
         let commands = if driven.is_empty() { 0 } else { joints.len() };
         Ok(Self { joints: driven, commands: vec![JointCommand::default(); commands] })
@@ -56,35 +76,62 @@ impl Actuators {
         for driven in &mut self.joints {
             driven.now.reset();
             driven.delay.reset();
+            if let Some(network) = &mut driven.network {
+                network.reset();
+            }
         }
     }
 
-    /// Begins a step.
-    pub(super) fn begin(&mut self) {
-        self.joints.iter_mut().for_each(|driven| driven.next = driven.now);
+    /// Begins a step: the commands of these drives that act in it, and what networks make of them.
+    pub(super) fn begin(&mut self, robot: &Robot, drives: &Range<usize>) {
+        let (q, v) = (&robot.positions()[drives.clone()], &robot.velocities()[drives.clone()]);
+        let commands = &robot.commands[drives.clone()];
+        for driven in &mut self.joints {
+            let joint = Motor { position: q[driven.joint], velocity: v[driven.joint] };
+            driven.next = driven.now;
+            driven.next.begin(joint);
+            driven.acting = driven.delay.acting(commands[driven.joint]);
+            let Driven { acting, next, measured, network, .. } = driven;
+            let Some(network) = network else { continue };
+            // The drive measures its motor. A command without `kp` asks for no position: there is no error then.
+            let Motor { position, velocity } = next.motor().unwrap_or(joint);
+            let error = if acting.kp > 0.0 { acting.position - position } else { 0.0 };
+            *measured = [error, velocity];
+            let effort = network.effort(error, velocity);
+            let wanted = if acting.kp > 0.0 { acting.effort + effort } else { acting.effort };
+            *acting = JointCommand { effort: wanted, kp: 0.0, kd: 0.0, ..*acting };
+        }
     }
 
-    /// The commands of an integration step of `h` \[s\] that begins with the joint velocities `v`, as far as the actuators pass
-    /// them on, and the bounds of the efforts in it.
+    /// The commands of an integration step of `h` \[s\] that begins with the joint positions `q` and velocities `v`, as far as the
+    /// actuators pass them on, and the bounds of the efforts in it.
     pub(super) fn pass<'a>(
         &'a mut self,
         commands: &'a [JointCommand],
-        (v, h): (&[f64], f64),
+        (q, v, h): (&[f64], &[f64], f64),
         integrator: &mut JointSpaceIntegrator,
     ) -> &'a [JointCommand] {
         if self.joints.is_empty() {
             return commands;
         }
         self.commands.copy_from_slice(commands);
-        for Driven { joint, next, delay, .. } in &self.joints {
-            let command = delay.acting(commands[*joint]);
+        for Driven { joint, next, acting, at_motor, .. } in &mut self.joints {
             let law = next.law(v[*joint], h);
+            *at_motor = drive_command(acting, integrator.joints()[*joint].effort_limit);
+            let state = Motor { position: q[*joint], velocity: v[*joint] };
+            if let Some(law) = next.joint_law(at_motor, state, h) {
+                // The drive brakes its motor, not the joint.
+                self.commands[*joint] =
+                    JointCommand { effort: law.effort, kd: law.slope, ..JointCommand::default() };
+                integrator.set_bounds(*joint, [law.low, law.high]);
+                continue;
+            }
             // A share of the whole law, and a part that does not depend on the end of the step.
             self.commands[*joint] = JointCommand {
-                effort: law.share * command.effort + law.carried,
-                kp: law.share * command.kp,
-                kd: law.share * command.kd,
-                ..command
+                effort: law.share * acting.effort + law.carried,
+                kp: law.share * acting.kp,
+                kd: law.share * acting.kd,
+                ..*acting
             };
             integrator.set_bounds(*joint, [law.low, law.high]);
         }
@@ -93,8 +140,12 @@ impl Actuators {
 
     /// Takes in the efforts of an integration step of `h` \[s\].
     pub(super) fn apply(&mut self, efforts: &[f64], h: f64) {
-        for Driven { joint, next, .. } in &mut self.joints {
-            next.apply(efforts[*joint], h);
+        for Driven { joint, next, at_motor, .. } in &mut self.joints {
+            if next.drivetrain().is_some() {
+                next.apply_load(at_motor, efforts[*joint], h);
+            } else {
+                next.apply(efforts[*joint], h);
+            }
         }
     }
 
@@ -103,21 +154,42 @@ impl Actuators {
         for driven in &mut self.joints {
             driven.now = driven.next;
             driven.delay.advance(commands[driven.joint], dt);
+            let [error, velocity] = driven.measured;
+            if let Some(network) = &mut driven.network {
+                network.advance(error, velocity, dt);
+            }
         }
     }
 
     pub(super) fn save(&self) -> ActuatorsState {
-        ActuatorsState(self.joints.iter().map(|driven| (driven.now, driven.delay.clone())).collect())
+        let saved = |driven: &Driven| (driven.now, driven.delay.clone(), driven.network.clone());
+        ActuatorsState(self.joints.iter().map(saved).collect())
     }
 
     /// Goes back to a saved state; `false` where it is that of other actuators.
     pub(super) fn restore(&mut self, state: &ActuatorsState) -> bool {
         let fits = state.0.len() == self.joints.len();
         if fits {
-            for (driven, (now, delay)) in self.joints.iter_mut().zip(&state.0) {
-                (driven.now, driven.delay) = (*now, delay.clone());
+            for (driven, (now, delay, network)) in self.joints.iter_mut().zip(&state.0) {
+                (driven.now, driven.delay, driven.network) = (*now, delay.clone(), network.clone());
             }
         }
         fits
+    }
+}
+
+/// The command of a drive with this effort limit, as one at its motor.
+fn drive_command(command: &JointCommand, limit: f64) -> DriveCommand {
+    let JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *command;
+    let (band, limit) = (BRAKING_BAND * max_velocity.max(-min_velocity), limit.abs());
+    let braking = if limit.is_finite() && band.is_finite() { 2.0 * limit / band } else { 0.0 };
+    DriveCommand {
+        position,
+        velocity,
+        effort,
+        kp,
+        kd,
+        velocity_limits: [min_velocity, max_velocity],
+        braking,
     }
 }

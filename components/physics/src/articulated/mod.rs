@@ -11,7 +11,7 @@ mod step;
 use motorium_robots::{Dynamics, FrameId, Kinematics, Momentum};
 use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
 
-use crate::contact::{Colliders, ContactScene, ImpulseTarget, MovedByImpulses, SceneState};
+use crate::contact::{Colliders, ContactScene, ImpulseSums, ImpulseTarget, MovedByImpulses, SceneState};
 use crate::joint::JointProperties;
 use crate::properties::Surface;
 use crate::rays::Rays;
@@ -85,6 +85,7 @@ pub struct Articulated {
     bases: Vec<Isometry3<f64>>,
     /// Length of the last integration step \[s\].
     h: f64,
+    sums: ImpulseSums,
 }
 
 /// The workspace of an articulation.
@@ -179,6 +180,7 @@ impl Engine for Articulated {
         let parts = parts.collect::<Result<Vec<_>, _>>()?;
         let colliders = Colliders::new(setups, world, options, warnings);
         Ok(Self {
+            sums: ImpulseSums::new(&colliders.colliders),
             rays: Rays::new(&colliders),
             options: *options,
             bases: vec![Isometry3::identity(); parts.len()],
@@ -192,7 +194,15 @@ impl Engine for Articulated {
         self.scene.colliders().surfaces()
     }
 
-    fn set_properties(&mut self, robot: &Robot, _: &World, surfaces: &[Surface]) -> Result<(), ResetError> {
+    fn set_properties(
+        &mut self,
+        robot: &Robot,
+        world: &World,
+        surfaces: &[Surface],
+    ) -> Result<(), ResetError> {
+        if self.scene.set_terrain(world.terrain.as_ref()).map_err(ResetError::terrain)? {
+            self.rays = Rays::new(self.scene.colliders());
+        }
         for (part, own) in self.parts.iter_mut().zip(&robot.articulations) {
             part.integrator.set_joints(&robot.joints[own.joints()]);
             part.actuators.set_limits(&robot.joints[own.joints()]);
@@ -292,6 +302,10 @@ impl Engine for Articulated {
 
     fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
         self.scene.object_velocity(index)
+    }
+
+    fn visit_impulses(&self, _: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
+        self.sums.visit(&self.scene.colliders().colliders, visit);
     }
 
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {

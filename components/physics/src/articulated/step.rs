@@ -18,10 +18,13 @@ impl Articulated {
     /// The next state of the robots and the objects, `dt` \[s\] after the current one.
     pub(super) fn advance_by(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
         self.scene.objects.begin();
-        self.parts.iter_mut().for_each(|part| part.actuators.begin());
+        for (part, own) in self.parts.iter_mut().zip(&robot.articulations) {
+            part.actuators.begin(robot, &own.drives());
+        }
         self.place(robot);
         let near = self.scene.detect(dt, NEAR).iter().any(|point| point.distance < NEAR);
         let steps = if near { self.options.contact_iterations } else { self.options.substeps };
+        self.sums.clear();
         let mut report = StepReport::default();
         let h = dt / steps as f64;
         for step in 0..steps {
@@ -53,7 +56,7 @@ impl Articulated {
         report: &mut StepReport,
     ) -> Result<(), StepError> {
         let Robot { articulations, commands, state, gravity, .. } = robot;
-        let Self { parts, scene, .. } = self;
+        let Self { parts, scene, sums, .. } = self;
         let kinematics =
             |of: usize| if first { &articulations[of].kinematics } else { &parts[of].kinematics };
         scene.prepare(articulations, kinematics, &state.v_next, (gravity, h));
@@ -92,6 +95,10 @@ impl Articulated {
             saturated += events.saturated;
             at_limit += events.at_limit;
         }
+        for (index, contact, ..) in scene.points() {
+            let (first, second) = contact.colliders;
+            sums.add([first, second], &contact.point, &scene.impulses.vector(index, &contact.normal));
+        }
         scene.impulses.push_objects(&mut scene.objects.next);
         scene.objects.move_on(h);
         self.h = h;
@@ -127,7 +134,11 @@ impl Part {
         let alone = rotors.is_empty() && self.external.iter().all(|force| *force == 0.0);
         let in_the_air = model.base().floating && alone && !is_held();
         self.momentum = in_the_air.then(|| self.dynamics.momentum(model, q, v));
-        let commands = self.actuators.pass(commands, (model.joints_of_v(v), h), &mut self.integrator);
+        let commands = self.actuators.pass(
+            commands,
+            (model.joints_of_q(q), model.joints_of_v(v), h),
+            &mut self.integrator,
+        );
         self.integrator.begin(model, (q, v), commands, (*gravity, &self.rotor_force), h);
         (self.pending, self.settled) = (true, false);
     }

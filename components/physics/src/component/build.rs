@@ -2,6 +2,7 @@
 
 use core::ops::Range;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use motorium::declare::{ConfigError, RobotReference};
 use motorium::state::MAX_JOINTS;
@@ -45,17 +46,20 @@ impl BuiltRobot {
     }
 }
 
-/// Loads the robots and sets up their simulation.
+/// Loads the robots and sets up their simulation; relative paths of the configuration begin at `folder`.
 pub(super) fn build<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robot: Option<&RobotReference>,
     robots: &[RobotReference],
+    folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
+    let mut config = config.clone();
+    config.world.locate(folder);
     match (robot, robots) {
-        (Some(robot), _) => one(config, robot),
+        (Some(robot), _) => one(&config, robot, folder),
         (None, []) => Err(ConfigError::new("it simulates a robot, but the component names none")
             .advise("add `robot = \"NAME\"`, or `robots = [\"ONE\", \"OTHER\"]`")),
-        (None, robots) => several(config, robots),
+        (None, robots) => several(&config, robots, folder),
     }
 }
 
@@ -84,13 +88,19 @@ pub(super) fn load(
     Ok((setup, loaded))
 }
 
-fn one<E: PhysicsEngine>(config: &PhysicsConfig, robot: &RobotReference) -> Result<Built<E>, ConfigError> {
+fn one<E: PhysicsEngine>(
+    config: &PhysicsConfig,
+    robot: &RobotReference,
+    folder: &Path,
+) -> Result<Built<E>, ConfigError> {
     if let Some(name) = config.start.keys().next() {
         let message = format!("a start for `{name}` of a component with one robot");
         return Err(ConfigError::key("start", message).advise("use `pose` or `position`"));
     }
     let (mut setup, loaded) = load(config, robot)?;
-    setup.actuators = actuators::settings(config.actuator.as_ref(), &config.actuators, &loaded.model)?;
+    setup.actuators =
+        actuators::settings(config.actuator.as_ref(), &config.actuators, &loaded.model, folder)?;
+    config.set_surfaces(core::slice::from_mut(&mut setup))?;
     let drives = loaded.model.joint_count() + setup.rotors.len();
     let joints = config.start(&loaded)?;
     let base = config.base_start(&loaded, robot.pose.is_some())?;
@@ -110,6 +120,7 @@ fn one<E: PhysicsEngine>(config: &PhysicsConfig, robot: &RobotReference) -> Resu
 fn several<E: PhysicsEngine>(
     config: &PhysicsConfig,
     robots: &[RobotReference],
+    folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     if config.position.is_some() || config.base.is_some() {
         return Err(ConfigError::new("`position` and `base` are those of one robot, and there are several")
@@ -144,7 +155,8 @@ fn several<E: PhysicsEngine>(
         if floats(group[0]) { Ok(members[0].alone()) } else { together(&members) }
     });
     let mut setups = setups.collect::<Result<Vec<_>, _>>()?;
-    set_actuators(config, &mut setups)?;
+    set_actuators(config, &mut setups, folder)?;
+    config.set_surfaces(&mut setups)?;
     let q: Vec<f64> = groups.iter().flatten().flat_map(|index| loaded[*index].q.clone()).collect();
     let mut simulation =
         Simulation::of_robots(setups, config.world.clone(), &q, config.solver).map_err(config::refused)?;
@@ -162,15 +174,19 @@ fn several<E: PhysicsEngine>(
 }
 
 /// Gives each articulation the actuators of its joints.
-fn set_actuators(config: &PhysicsConfig, setups: &mut [RobotSetup]) -> Result<(), ConfigError> {
+fn set_actuators(
+    config: &PhysicsConfig,
+    setups: &mut [RobotSetup],
+    folder: &Path,
+) -> Result<(), ConfigError> {
     let owner = |name: &String| setups.iter().position(|setup| setup.model.joint_index(name).is_some());
     let mut of_joints = vec![BTreeMap::new(); setups.len()];
     for (name, actuator) in &config.actuators {
         // A name that no robot has is refused with the first.
-        of_joints[owner(name).unwrap_or(0)].insert(name.clone(), *actuator);
+        of_joints[owner(name).unwrap_or(0)].insert(name.clone(), actuator.clone());
     }
     for (setup, of_joints) in setups.iter_mut().zip(&of_joints) {
-        setup.actuators = actuators::settings(config.actuator.as_ref(), of_joints, &setup.model)?;
+        setup.actuators = actuators::settings(config.actuator.as_ref(), of_joints, &setup.model, folder)?;
     }
     Ok(())
 }

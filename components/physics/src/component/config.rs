@@ -11,7 +11,7 @@ use serde::Deserialize;
 use super::actuators::ActuatorConfig;
 use super::pushes::PushConfig;
 use super::randomise::RandomiseConfig;
-use crate::{BuildError, Options, World};
+use crate::{BuildError, Options, RobotSetup, World};
 
 /// Configuration of the physics kinds: where robots start, what is around them, and the settings of the engine.
 ///
@@ -42,6 +42,9 @@ pub struct PhysicsConfig {
     pub actuator: Option<ActuatorConfig>,
     /// Actuators of single joints by their names, in place of `actuator`. With several robots a name is `ROBOT/JOINT`.
     pub actuators: BTreeMap<String, ActuatorConfig>,
+    /// Surfaces of single links by their names, in place of those of `solver` and of the profile. With several robots a name is
+    /// `ROBOT/LINK`.
+    pub surfaces: BTreeMap<String, SurfaceConfig>,
     /// Ranges of physical properties, drawn anew at the start of every episode. Default: nothing is drawn.
     pub randomise: RandomiseConfig,
     /// Settings of the engine.
@@ -49,6 +52,18 @@ pub struct PhysicsConfig {
     /// True: the commands are those of drives that another component simulates, such as `can.drive_sim`, and are applied as
     /// they come; that component's actuator checks them. Default false.
     pub plant: bool,
+}
+
+/// The surface of a link. What is left out is as with the other links.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SurfaceConfig {
+    /// Coefficient of friction, from 0. That of a contact is the mean of both surfaces'.
+    #[schemars(range(min = 0.0))]
+    pub friction: Option<f64>,
+    /// Share of the approach speed kept after an impact, 0 to 1. That of a contact is the mean of both surfaces'.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub restitution: Option<f64>,
 }
 
 /// Start of one of several robots.
@@ -119,6 +134,34 @@ impl PhysicsConfig {
             _ => None,
         };
         Ok(named.map(BasePose::isometry).or_else(of_srdf))
+    }
+
+    /// Gives single links of these robots surfaces of their own.
+    pub(super) fn set_surfaces(&self, setups: &mut [RobotSetup]) -> Result<(), ConfigError> {
+        for (link, SurfaceConfig { friction, restitution }) in &self.surfaces {
+            let key = |name: &str| format!("surfaces.{link}{name}");
+            // A link that no robot has is refused with the first.
+            let owner = setups.iter().position(|setup| setup.model.frame(link).is_ok()).unwrap_or(0);
+            let setup = &mut setups[owner];
+            if let Err(error) = setup.model.frame(link) {
+                return Err(ConfigError::key(key(""), error.to_string()));
+            }
+            if let Some(friction) = *friction {
+                if !(friction >= 0.0 && friction.is_finite()) {
+                    let message = format!("{friction}, expected a number from 0 up");
+                    return Err(ConfigError::key(key(".friction"), message));
+                }
+                setup.friction.insert(link.clone(), friction);
+            }
+            if let Some(restitution) = *restitution {
+                if !(0.0..=1.0).contains(&restitution) {
+                    let message = format!("{restitution}, expected a number from 0 to 1");
+                    return Err(ConfigError::key(key(".restitution"), message));
+                }
+                setup.restitution.insert(link.clone(), restitution);
+            }
+        }
+        Ok(())
     }
 
     /// Start positions of the joints, within their limits.

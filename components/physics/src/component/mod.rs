@@ -9,6 +9,7 @@ mod placing;
 mod pushes;
 mod randomise;
 mod robots;
+mod touched;
 mod truth;
 
 use motorium::component::{Checkpoint, Component, ConfigureError, Episode, Setup, Tick};
@@ -18,15 +19,16 @@ use motorium::worker::Kind;
 use serde_json::json;
 
 use crate::{Articulated, BuildWarning, Mujoco, Rapier, Simulation, Simulator, StepReport};
-pub use actuators::{ActuatorConfig, EnvelopeConfig, ThermalConfig};
+pub use actuators::ActuatorConfig;
 pub use build::PhysicsEngine;
 use build::{Built, build};
-pub use config::PhysicsConfig;
+pub use config::{PhysicsConfig, SurfaceConfig};
 pub use pushes::PushConfig;
 use pushes::Pushes;
 use randomise::Randomiser;
 pub use randomise::{
     Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals, SurfaceIntervals,
+    TerrainIntervals,
 };
 use robots::{Actuated, SafeStates, position};
 use truth::Truth;
@@ -87,7 +89,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             declare.actuator();
         }
         // Everything that could be refused later is refused now.
-        let built = build::<E>(config, declare.robot(), declare.robots())?;
+        let built = build::<E>(config, declare.robot(), declare.robots(), declare.folder())?;
         if built.simulation.articulations().len() > 1 && config.randomise != RandomiseConfig::default() {
             let message =
                 "draws are for one robot, or for robots with fixed bases, and one of several floats";
@@ -117,7 +119,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
 
     fn configure(config: PhysicsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let (one, several) = (setup.robot().ok().cloned(), setup.robots().to_vec());
-        let Built { mut simulation, robots, on_ground } = build::<E>(&config, one.as_ref(), &several)?;
+        let Built { mut simulation, robots, on_ground } =
+            build::<E>(&config, one.as_ref(), &several, setup.folder())?;
         let (start_q, start_v) = (simulation.configuration().to_vec(), simulation.velocity().to_vec());
         let (nq, nv) = (start_q.len(), start_v.len());
         let safe_states = SafeStates::new(&simulation);
@@ -163,6 +166,8 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             }
             let report =
                 self.simulation.step(tick.dt()).map_err(|error| StepError::failed(error.to_string()))?;
+            let pushed_until = if tick.settling { u64::MAX } else { tick.time_ns };
+            self.truth.accumulate(&self.simulation, self.pushes.forces(pushed_until), tick.dt());
             if !tick.settling {
                 self.totals.add(&report);
                 self.robots.iter_mut().for_each(|robot| robot.follow(&self.simulation));
@@ -186,6 +191,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         };
         reset.map_err(|error| StepError::failed(error.to_string()))?;
         self.robots.iter_mut().for_each(|robot| robot.reset(&self.simulation));
+        self.truth.reset();
         (self.last_ns, self.totals) = (None, Totals::NONE);
         Ok(())
     }

@@ -1,10 +1,11 @@
 //! The colliders of a simulation: solids of the collision model with their surface properties, and pairs of them.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use motorium_robots::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, HeightField,
-    MeshMode,
+    MeshMode, Terrain, TerrainError,
 };
 use nalgebra::Isometry3;
 
@@ -64,6 +65,8 @@ pub(crate) struct Colliders {
     pub(crate) model: CollisionModel,
     /// The surface of the terrain, which is the last collider; its shape there stands for it.
     pub(crate) terrain: Option<Arc<HeightField>>,
+    /// The description that it was made from.
+    described: Option<Terrain>,
 }
 
 impl Colliders {
@@ -123,11 +126,17 @@ impl Colliders {
                     }
                     _ => Owner::World,
                 };
-                let of_link = setup(index).and_then(|(_, setup)| setup.friction.get(model.link(index)));
                 let (friction, restitution) = match (object, &world.ground) {
                     (Some((_, Some(object))), _) => (object.friction, object.restitution),
                     (Some((_, None)), Some(ground)) => (ground.friction, ground.restitution),
-                    _ => (of_link.copied().unwrap_or(options.friction), 0.0),
+                    _ => {
+                        let link = model.link(index);
+                        let own = |of: fn(&RobotSetup) -> &BTreeMap<String, f64>, all: f64| {
+                            setup(index).and_then(|(_, setup)| of(setup).get(link).copied()).unwrap_or(all)
+                        };
+                        let friction = own(|setup| &setup.friction, options.friction);
+                        (friction, own(|setup| &setup.restitution, options.restitution))
+                    }
                 };
                 let moves_freely = matches!(owner, Owner::Object(_));
                 Collider {
@@ -163,7 +172,19 @@ impl Colliders {
                 restitution: terrain.restitution,
             });
         }
-        Self { colliders, first_object, model, terrain: field.map(Arc::new) }
+        let described = world.terrain.clone();
+        Self { colliders, first_object, model, terrain: field.map(Arc::new), described }
+    }
+
+    /// Takes over the heights of another terrain of the same size. True if they are others.
+    pub(crate) fn set_terrain(&mut self, terrain: Option<&Terrain>) -> Result<bool, TerrainError> {
+        let (Some(terrain), Some(field)) = (terrain, &mut self.terrain) else { return Ok(false) };
+        if self.described.as_ref() == Some(terrain) {
+            return Ok(false);
+        }
+        *field = Arc::new(terrain.height_field()?);
+        self.described = Some(terrain.clone());
+        Ok(true)
     }
 
     /// The surface of each collider.

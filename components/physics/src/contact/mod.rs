@@ -19,9 +19,11 @@ mod newton;
 mod objects;
 mod scene;
 mod site;
+mod sums;
 mod sweeps;
 mod terrain;
 
 pub(crate) use colliders::{Collider, Colliders, Owner};
 pub(crate) use impulses::{ImpulseTarget, MovedByImpulses};
 pub(crate) use scene::{ContactScene, SceneState};
+pub(crate) use sums::ImpulseSums;

@@ -1,6 +1,6 @@
 //! The contact scene: colliders, objects that move, and the impulses between all of them.
 
-use motorium_robots::Kinematics;
+use motorium_robots::{Kinematics, Terrain, TerrainError};
 use nalgebra::{Isometry3, Vector3};
 
 use super::colliders::{Collider, Colliders, Owner};
@@ -50,6 +50,11 @@ impl ContactScene {
     pub(crate) fn set_properties(&mut self, surfaces: &[Surface], articulations: &[Articulation]) {
         self.colliders.set_surfaces(surfaces);
         self.impulses.set_masses(articulations);
+    }
+
+    /// Takes over the heights of another terrain of the same size. True if they are others.
+    pub(crate) fn set_terrain(&mut self, terrain: Option<&Terrain>) -> Result<bool, TerrainError> {
+        self.colliders.set_terrain(terrain)
     }
 
     /// Takes pairs of colliders out of the detection. The poses must be [set](Self::set_poses) anew.

@@ -1,7 +1,37 @@
-//! The law of MuJoCo's contacts for surfaces that keep a share of their speed.
+//! The contact points of a step, and the law of MuJoCo's contacts for surfaces that keep a share of their speed.
 //!
 //! A contact of MuJoCo is a spring with a damper that never pulls. A body that meets it with speed v leaves with e v, where e
 //! depends on the damping ratio alone: the closed form is that of a linear spring and damper until its force is zero.
+
+use nalgebra::{Point3, Vector3};
+
+/// The contact points of a step.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Seen {
+    /// Something was within a centimetre of something else.
+    pub(super) near: bool,
+    pub(super) touches: Vec<Touch>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Touch {
+    pub(super) colliders: [usize; 2],
+    pub(super) point: Point3<f64>,
+    pub(super) normal: Vector3<f64>,
+    pub(super) depth: f64,
+    pub(super) force: f64,
+    pub(super) friction: Vector3<f64>,
+}
+
+/// Room for contact points that are noted without a call of the allocator.
+const TOUCHES: usize = 512;
+
+impl Seen {
+    /// None yet: whatever is near is found out in the next step.
+    pub(super) fn new() -> Self {
+        Self { near: true, touches: Vec::with_capacity(TOUCHES) }
+    }
+}
 
 /// Fastest time constant of a contact \[s\]; MuJoCo takes no less than two integration steps.
 const TIME_CONSTANT: f64 = 0.002;

@@ -15,7 +15,7 @@ use motorium_robots::{Coordinate, FrameId, Reference};
 use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
 
 use crate::articulated::{Drive, Laws};
-use crate::contact::Colliders;
+use crate::contact::{Colliders, ImpulseSums};
 use crate::properties::Surface;
 use crate::rays::Rays;
 use crate::robot::{Articulation, Robot, RobotSetup};
@@ -24,6 +24,7 @@ use crate::{
     BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
     World,
 };
+use contact::{Seen, Touch};
 use library::Library;
 pub use library::LibraryError;
 use native::{Kind, Native, Parts};
@@ -86,6 +87,7 @@ pub struct Mujoco {
     forces: Vec<f64>,
     /// One per articulation.
     jacobians: Vec<DMatrix<f64>>,
+    sums: ImpulseSums,
     /// MuJoCo's state before a step, and before a try of an integration step.
     before: Vec<f64>,
     motion: Vec<f64>,
@@ -113,27 +115,6 @@ enum ObjectPlace {
     /// It stands where it is placed.
     Placed(usize),
 }
-
-/// The contact points of a step.
-#[derive(Clone, Debug, Default)]
-struct Seen {
-    /// Something was within a centimetre of something else.
-    near: bool,
-    touches: Vec<Touch>,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Touch {
-    colliders: [usize; 2],
-    point: Point3<f64>,
-    normal: Vector3<f64>,
-    depth: f64,
-    force: f64,
-    friction: Vector3<f64>,
-}
-
-/// Room for contact points that are noted without a call of the allocator.
-const TOUCHES: usize = 512;
 
 /// Share of what the constraints of a joint would yield: MuJoCo's friction, stops and couplings of joints are soft, ours are not.
 const YIELD: f64 = 1e-4;
@@ -235,15 +216,15 @@ impl Engine for Mujoco {
             warnings.push(BuildWarning::ShapeIgnored { link: collider.name.clone(), reason });
         }
         let (native, places, geometries) = Self::compile(library, robot, world, &colliders)?;
-        let seen = || Seen { near: true, touches: Vec::with_capacity(TOUCHES) };
         let nv = robot.nv();
         Ok(Self {
             rays: Rays::new(&colliders),
+            sums: ImpulseSums::new(&colliders.colliders),
             armatures: armatures(robot),
             laws: vec![Laws::FREE; robot.joints.len()],
             drives: vec![Drive::Linear; robot.joints.len()],
-            seen: seen(),
-            seen_next: seen(),
+            seen: Seen::new(),
+            seen_next: Seen::new(),
             external: vec![0.0; nv],
             generalized: vec![0.0; nv],
             forces: vec![0.0; native.qvel().len()],
@@ -271,11 +252,18 @@ impl Engine for Mujoco {
         surfaces: &[Surface],
     ) -> Result<(), ResetError> {
         let before = self.colliders.surfaces();
+        let terrain = self.world.terrain.clone();
+        if self.colliders.set_terrain(world.terrain.as_ref()).map_err(ResetError::terrain)? {
+            self.rays = Rays::new(&self.colliders);
+        }
         self.colliders.set_surfaces(surfaces);
         match Self::compile(self.library, robot, world, &self.colliders) {
             Ok(compiled) => (self.native, self.places, self.geometries) = compiled,
             Err(error) => {
                 self.colliders.set_surfaces(&before);
+                if self.colliders.set_terrain(terrain.as_ref()).map_err(ResetError::terrain)? {
+                    self.rays = Rays::new(&self.colliders);
+                }
                 return Err(ResetError::Refused { reason: error.to_string() });
             }
         }
@@ -412,6 +400,10 @@ impl Engine for Mujoco {
             let Touch { point, normal, depth, force, friction, .. } = *touch;
             visit(&Contact { first, second, point, normal, depth, force, friction });
         }
+    }
+
+    fn visit_impulses(&self, _: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
+        self.sums.visit(&self.colliders.colliders, visit);
     }
 }
 

@@ -3,8 +3,9 @@
 use motorium_robots::{Coordinate, Reference};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 
+use super::Mujoco;
+use super::contact::{Seen, Touch};
 use super::native::{Native, Parts};
-use super::{Mujoco, Seen, Touch};
 use crate::articulated::Laws;
 use crate::robot::{Articulation, Robot, State, base_pose};
 use crate::{StepError, StepReport};
@@ -20,9 +21,14 @@ impl Mujoco {
         let h = dt / steps as f64;
         self.native.set_options(h, robot.gravity.into());
         let mut report = StepReport::default();
+        self.sums.clear();
         for _ in 0..steps {
             self.integrate(robot, h, &mut report);
             self.look_at_contacts(&mut report);
+            for touch in &self.seen_next.touches {
+                let ([first, second], force) = (touch.colliders, touch.normal * touch.force + touch.friction);
+                self.sums.add([second, first], &touch.point, &(force * h));
+            }
         }
         if self.native.is_full() { Err(StepError::TooManyContacts) } else { Ok(report) }
     }

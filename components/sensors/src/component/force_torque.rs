@@ -1,14 +1,18 @@
 //! `sensor.force_torque`: a force-torque sensor as a component.
 
+use std::time::Duration;
+
 use motorium::prelude::*;
 use motorium_robots::{FrameId, Model};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::draws::Draws;
 use super::loads::TrueLoads;
 use super::readings::{Readings, refused};
 use crate::channel::{Channel, ErrorModel, SettingError, Timing};
+use crate::randomise::{SensorDraw, SensorRanges};
 
 /// Configuration of `sensor.force_torque`. All but `link` has a default: an ideal sensor at the origin of the link.
 ///
@@ -47,7 +51,13 @@ pub struct ForceTorqueConfig {
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     #[serde(default)]
     pub seed: Option<u64>,
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    #[serde(default)]
+    pub randomise: SensorRanges,
 }
+
+/// Numbers of a reading: force and torque.
+const WIDTH: usize = 6;
 
 /// The earth's acceleration of free fall \[m/s2\].
 pub(super) fn earth() -> [f64; 3] {
@@ -55,15 +65,15 @@ pub(super) fn earth() -> [f64; 3] {
 }
 
 impl ForceTorqueConfig {
-    fn timing(&self) -> Timing {
-        Timing { latency: self.latency, drop_out: self.drop_out }
+    fn timing(&self, latency: TimeSpan) -> Timing {
+        Timing { latency, drop_out: self.drop_out }
     }
 
-    fn channels(&self, seed: u64) -> Result<[Channel; 2], SettingError> {
+    fn channels(&self, seed: u64, draw: &SensorDraw) -> Result<[Channel; 2], SettingError> {
         let seed = self.seed.unwrap_or(seed);
         Ok([
-            Channel::new("force", &self.force, 3, seed, 0)?,
-            Channel::new("torque", &self.torque, 3, seed, 1)?,
+            Channel::new("force", &draw.errors(&self.force), 3, seed, 0)?,
+            Channel::new("torque", &draw.errors(&self.torque), 3, seed, 1)?,
         ])
     }
 
@@ -95,6 +105,8 @@ pub struct ForceTorque {
     config: ForceTorqueConfig,
     channels: [Channel; 2],
     readings: Readings,
+    draws: Draws,
+    period: Duration,
     link: FrameId,
     place: Isometry3<f64>,
     last: Option<(u64, Isometry3<f64>)>,
@@ -110,8 +122,9 @@ impl Component for ForceTorque {
     type Config = ForceTorqueConfig;
 
     fn declare(config: &ForceTorqueConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        config.channels(0).map_err(refused)?;
-        Readings::declare(&config.timing(), declare)?;
+        Draws::declare(&config.randomise, declare)?;
+        config.channels(0, &config.randomise.draw(0, config.latency)).map_err(refused)?;
+        Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;
         let model = TrueLoads::declare(config.gravity, declare)?;
         let (link, _) = config.place(&model)?;
         if carried(&model, link) == 0.0 {
@@ -130,10 +143,13 @@ impl Component for ForceTorque {
         let loads = TrueLoads::open(config.gravity, setup)?;
         let (link, place) = config.place(loads.model())?;
         let seed = config.seed.unwrap_or(setup.seed());
+        let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
         Ok(Self {
             wrench: setup.output("wrench")?,
-            channels: config.channels(seed).map_err(refused)?,
-            readings: Readings::new(&config.timing(), 6, setup.period(), seed)?,
+            channels: config.channels(seed, &draws.now()).map_err(refused)?,
+            readings: Readings::new(&config.timing(draws.now().latency), WIDTH, setup.period(), seed)?,
+            period: setup.period(),
+            draws,
             carried: carried(loads.model(), link),
             last: None,
             loads,
@@ -144,6 +160,7 @@ impl Component for ForceTorque {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.draws.publish()?;
         if let Some(times) = self.loads.newest(tick)? {
             let wrench = self.loads.through(self.link);
             let now = self.loads.kinematics().pose(self.loads.model(), self.link) * self.place;
@@ -169,8 +186,11 @@ impl Component for ForceTorque {
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
         let seed = self.config.seed.unwrap_or(episode.seed);
-        self.channels = self.config.channels(seed).map_err(|error| StepError::failed(error.to_string()))?;
-        self.readings.reset(seed);
+        let draw = self.draws.reset(episode.index, seed);
+        let channels = self.config.channels(seed, &draw);
+        self.channels = channels.map_err(|error| StepError::failed(error.to_string()))?;
+        let readings = Readings::new(&self.config.timing(draw.latency), WIDTH, self.period, seed);
+        self.readings = readings.map_err(|error| StepError::failed(error.to_string()))?;
         self.loads.reset();
         self.last = None;
         Ok(())
@@ -179,6 +199,7 @@ impl Component for ForceTorque {
     fn result(&self) -> Option<serde_json::Value> {
         let mut result = self.readings.result();
         let [force, torque] = &self.channels;
+        self.draws.report(&mut result);
         result["carried_mass_kg"] = serde_json::json!(self.carried);
         result["force_bias"] = serde_json::json!(force.bias());
         result["torque_bias"] = serde_json::json!(torque.bias());

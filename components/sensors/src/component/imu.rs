@@ -1,16 +1,20 @@
 //! `sensor.imu`: an inertial measurement unit as a component.
 
+use std::time::Duration;
+
 use motorium::prelude::*;
 use motorium::state::Randomisation;
 use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::draws::Draws;
 use super::loads::Drawn;
 use super::readings::{Readings, refused};
 use super::robot::{Mount, Needs, TrueMotion};
 use crate::channel::{Channel, ErrorModel, Timing};
 use crate::imu::{ImuModel, SensorMotion};
+use crate::randomise::{SensorDraw, SensorRanges};
 
 /// Configuration of `sensor.imu`. The default is an ideal sensor at the root link.
 ///
@@ -39,6 +43,8 @@ pub struct ImuConfig {
     pub gravity: [f64; 3],
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    pub randomise: SensorRanges,
 }
 
 impl Default for ImuConfig {
@@ -52,22 +58,24 @@ impl Default for ImuConfig {
             drop_out: 0.0,
             gravity: [0.0, 0.0, -9.81],
             seed: None,
+            randomise: SensorRanges::default(),
         }
     }
 }
 
 impl ImuConfig {
-    fn timing(&self) -> Timing {
-        Timing { latency: self.latency, drop_out: self.drop_out }
+    fn timing(&self, latency: TimeSpan) -> Timing {
+        Timing { latency, drop_out: self.drop_out }
     }
 
-    fn models(&self, seed: u64) -> Result<(ImuModel, Channel), ConfigError> {
+    fn models(&self, seed: u64, draw: &SensorDraw) -> Result<(ImuModel, Channel), ConfigError> {
         let seed = self.seed.unwrap_or(seed);
         if !self.gravity.iter().all(|number| number.is_finite()) {
             return Err(ConfigError::key("gravity", "expected finite numbers"));
         }
-        let imu = ImuModel::new(&self.gyroscope, &self.accelerometer, Vector3::from(self.gravity), seed);
-        let attitude = ErrorModel { noise: self.orientation_noise, ..ErrorModel::default() };
+        let (gyroscope, accelerometer) = (draw.errors(&self.gyroscope), draw.errors(&self.accelerometer));
+        let imu = ImuModel::new(&gyroscope, &accelerometer, Vector3::from(self.gravity), seed);
+        let attitude = draw.errors(&ErrorModel { noise: self.orientation_noise, ..ErrorModel::default() });
         let attitude = Channel::new("", &attitude, 3, seed, 2)
             .map_err(|error| ConfigError::key("orientation_noise", error.to_string()))?;
         Ok((imu.map_err(refused)?, attitude))
@@ -85,6 +93,8 @@ pub struct Imu {
     model: ImuModel,
     attitude: Channel,
     readings: Readings,
+    draws: Draws,
+    period: Duration,
 }
 
 /// Numbers of a reading: specific force, angular velocity, orientation.
@@ -98,8 +108,9 @@ impl Component for Imu {
     type Config = ImuConfig;
 
     fn declare(config: &ImuConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        config.models(0)?;
-        Readings::declare(&config.timing(), declare)?;
+        Draws::declare(&config.randomise, declare)?;
+        config.models(0, &config.randomise.draw(0, config.latency))?;
+        Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;
         TrueMotion::declare(&config.mount, Needs::Place, declare)?;
         Drawn::declare(declare);
         declare.output::<ImuSample>("imu", "specific force and angular velocity in the axes of the sensor");
@@ -108,12 +119,15 @@ impl Component for Imu {
 
     fn configure(config: ImuConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let seed = config.seed.unwrap_or(setup.seed());
-        let (model, attitude) = config.models(seed)?;
+        let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
+        let (model, attitude) = config.models(seed, &draws.now())?;
         Ok(Self {
             motion: TrueMotion::open(&config.mount, Needs::Place, setup)?,
             drawn: Drawn::open(setup)?,
             sample: setup.output("imu")?,
-            readings: Readings::new(&config.timing(), WIDTH, setup.period(), seed)?,
+            readings: Readings::new(&config.timing(draws.now().latency), WIDTH, setup.period(), seed)?,
+            period: setup.period(),
+            draws,
             model,
             attitude,
             config,
@@ -121,6 +135,7 @@ impl Component for Imu {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.draws.publish()?;
         if let Some(motion) = self.motion.newest()? {
             let rotation = motion.pose.rotation;
             if let Some(drawn) = self.drawn.newest(tick) {
@@ -149,9 +164,11 @@ impl Component for Imu {
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
         let seed = self.config.seed.unwrap_or(episode.seed);
-        let models = self.config.models(seed).map_err(|error| StepError::failed(error.to_string()))?;
-        (self.model, self.attitude) = models;
-        self.readings.reset(seed);
+        let failed = |error: ConfigError| StepError::failed(error.to_string());
+        let draw = self.draws.reset(episode.index, seed);
+        (self.model, self.attitude) = self.config.models(seed, &draw).map_err(failed)?;
+        let timing = self.config.timing(draw.latency);
+        self.readings = Readings::new(&timing, WIDTH, self.period, seed).map_err(failed)?;
         self.motion.reset();
         self.drawn.reset();
         Ok(())
@@ -162,6 +179,7 @@ impl Component for Imu {
         let (gyroscope, accelerometer) = self.model.biases();
         result["gyroscope_bias"] = serde_json::json!(gyroscope.as_slice());
         result["accelerometer_bias"] = serde_json::json!(accelerometer.as_slice());
+        self.draws.report(&mut result);
         Some(result)
     }
 }

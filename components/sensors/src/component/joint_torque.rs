@@ -1,14 +1,18 @@
 //! `sensor.joint_torque`: the torque sensors of a robot's joints as a component.
 
+use std::time::Duration;
+
 use motorium::prelude::*;
 use motorium_robots::{FrameId, JointKind, Model};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::draws::Draws;
 use super::force_torque::earth;
 use super::loads::TrueLoads;
 use super::readings::{Readings, refused};
 use crate::channel::{Channel, ErrorModel, SettingError, Timing};
+use crate::randomise::{SensorDraw, SensorRanges};
 
 /// Configuration of `sensor.joint_torque`. The default is an ideal sensor in every joint.
 ///
@@ -29,6 +33,8 @@ pub struct JointTorqueConfig {
     pub gravity: [f64; 3],
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    pub randomise: SensorRanges,
 }
 
 impl Default for JointTorqueConfig {
@@ -39,17 +45,18 @@ impl Default for JointTorqueConfig {
             drop_out: 0.0,
             gravity: earth(),
             seed: None,
+            randomise: SensorRanges::default(),
         }
     }
 }
 
 impl JointTorqueConfig {
-    fn timing(&self) -> Timing {
-        Timing { latency: self.latency, drop_out: self.drop_out }
+    fn timing(&self, latency: TimeSpan) -> Timing {
+        Timing { latency, drop_out: self.drop_out }
     }
 
-    fn channel(&self, joints: usize, seed: u64) -> Result<Channel, SettingError> {
-        Channel::new("torque", &self.torque, joints, self.seed.unwrap_or(seed), 0)
+    fn channel(&self, joints: usize, seed: u64, draw: &SensorDraw) -> Result<Channel, SettingError> {
+        Channel::new("torque", &draw.errors(&self.torque), joints, self.seed.unwrap_or(seed), 0)
     }
 }
 
@@ -63,6 +70,8 @@ pub struct JointTorque {
     config: JointTorqueConfig,
     channel: Channel,
     readings: Readings,
+    draws: Draws,
+    period: Duration,
     /// The link that each joint carries.
     links: Vec<FrameId>,
     /// Torques, then positions and velocities.
@@ -78,13 +87,15 @@ impl Component for JointTorque {
     type Config = JointTorqueConfig;
 
     fn declare(config: &JointTorqueConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        Readings::declare(&config.timing(), declare)?;
+        Draws::declare(&config.randomise, declare)?;
+        Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;
         let model = TrueLoads::declare(config.gravity, declare)?;
         if model.joint_count() == 0 || model.joint_count() > MAX_JOINTS {
             let message = format!("the robot has {} joints, expected 1 to {MAX_JOINTS}", model.joint_count());
             return Err(ConfigError::new(message));
         }
-        config.channel(model.joint_count(), 0).map_err(refused)?;
+        let draw = config.randomise.draw(0, config.latency);
+        config.channel(model.joint_count(), 0, &draw).map_err(refused)?;
         links(&model)?;
         declare.output::<JointState>(
             "measured",
@@ -97,10 +108,14 @@ impl Component for JointTorque {
         let loads = TrueLoads::open(config.gravity, setup)?;
         let links = links(loads.model())?;
         let seed = config.seed.unwrap_or(setup.seed());
+        let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
+        let timing = config.timing(draws.now().latency);
         Ok(Self {
             measured: setup.output("measured")?,
-            channel: config.channel(links.len(), seed).map_err(refused)?,
-            readings: Readings::new(&config.timing(), 3 * links.len(), setup.period(), seed)?,
+            channel: config.channel(links.len(), seed, &draws.now()).map_err(refused)?,
+            readings: Readings::new(&timing, 3 * links.len(), setup.period(), seed)?,
+            period: setup.period(),
+            draws,
             values: vec![0.0; 3 * links.len()],
             since: None,
             loads,
@@ -110,6 +125,7 @@ impl Component for JointTorque {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.draws.publish()?;
         let joints = self.links.len();
         if let Some(times) = self.loads.newest(tick)? {
             let (torques, rest) = self.values.split_at_mut(joints);
@@ -134,9 +150,12 @@ impl Component for JointTorque {
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
         let seed = self.config.seed.unwrap_or(episode.seed);
-        let channel = self.config.channel(self.links.len(), seed);
+        let draw = self.draws.reset(episode.index, seed);
+        let channel = self.config.channel(self.links.len(), seed, &draw);
         self.channel = channel.map_err(|error| StepError::failed(error.to_string()))?;
-        self.readings.reset(seed);
+        let timing = self.config.timing(draw.latency);
+        let readings = Readings::new(&timing, self.values.len(), self.period, seed);
+        self.readings = readings.map_err(|error| StepError::failed(error.to_string()))?;
         self.loads.reset();
         self.since = None;
         Ok(())
@@ -145,6 +164,7 @@ impl Component for JointTorque {
     fn result(&self) -> Option<serde_json::Value> {
         let mut result = self.readings.result();
         result["joints"] = serde_json::json!(self.loads.model().joint_names());
+        self.draws.report(&mut result);
         result["torque_bias"] = serde_json::json!(self.channel.bias());
         Some(result)
     }

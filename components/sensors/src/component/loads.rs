@@ -1,13 +1,13 @@
 //! The wrenches between the links of a robot, from the truth that a simulation publishes.
 
 use motorium::prelude::*;
-use motorium::state::{Contacts, Randomisation};
+use motorium::state::{ContactImpulses, Contacts, Randomisation};
 use motorium_robots::{FrameId, Kinematics, Model};
 use nalgebra::{Point3, Vector3};
 
 use super::robot::{Mount, Needs, TrueMotion, name};
 use crate::encoder::StateTimes;
-use crate::loads::{Loads, OutsideForce, WorldWrench};
+use crate::loads::{Loads, OutsideForce, OutsideWrench, WorldWrench};
 
 /// The draws of a simulation for the present episode, where their topic is wired.
 pub(super) struct Drawn {
@@ -45,10 +45,70 @@ impl Drawn {
     }
 }
 
+/// The mean wrenches of contacts between two samples, from the impulses that a simulation adds up.
+struct MeanContacts {
+    input: Input<ContactImpulses>,
+    /// Sums at the last sample, one for each link.
+    before: Vec<WorldWrench>,
+    /// Publisher and restart of these.
+    source: Option<(u32, u32)>,
+    means: Vec<OutsideWrench>,
+}
+
+impl MeanContacts {
+    fn declare(declare: &mut Declare) {
+        declare.optional_input::<ContactImpulses>(
+            "contact_impulses",
+            "impulses of contacts since the start of the episode, instead of `contacts`",
+        );
+    }
+
+    fn open(links: usize, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        Ok(Self {
+            input: setup.input("contact_impulses")?,
+            before: vec![WorldWrench::default(); links],
+            source: None,
+            means: Vec::with_capacity(links),
+        })
+    }
+
+    /// The mean wrenches of an interval of `dt` \[s\] that ends now; `None` where no simulation tells them. Of an interval that is none,
+    /// and of one in which the simulation was started anew, there are none.
+    fn newest(&mut self, dt: Option<f64>) -> Option<impl Iterator<Item = OutsideWrench>> {
+        let sums = self.input.latest()?;
+        let (origin, incarnation, _) = name(&sums.stamp());
+        let is_same = self.source.replace((origin, incarnation)) == Some((origin, incarnation));
+        if !is_same {
+            self.before.fill(WorldWrench::default());
+        }
+        self.means.clear();
+        for index in 0..sums.count() {
+            let link = sums.link()[index] as usize;
+            let Some(before) = self.before.get_mut(link) else { continue };
+            let force =
+                Vector3::new(sums.impulse_x()[index], sums.impulse_y()[index], sums.impulse_z()[index]);
+            let torque = Vector3::new(sums.moment_x()[index], sums.moment_y()[index], sums.moment_z()[index]);
+            if let Some(dt) = dt.filter(|_| is_same) {
+                let wrench =
+                    WorldWrench { force: (force - before.force) / dt, torque: (torque - before.torque) / dt };
+                self.means.push(OutsideWrench { link, wrench });
+            }
+            *before = WorldWrench { force, torque };
+        }
+        Some(self.means.iter().copied())
+    }
+
+    fn forget(&mut self) {
+        self.before.fill(WorldWrench::default());
+        self.source = None;
+    }
+}
+
 /// The wrenches between the links of a robot.
 pub(super) struct TrueLoads {
     motion: TrueMotion,
     contacts: Input<Contacts>,
+    impulses: MeanContacts,
     drawn: Drawn,
     loads: Loads,
     gravity: Vector3<f64>,
@@ -62,6 +122,7 @@ impl TrueLoads {
         }
         let model = TrueMotion::declare(&Mount::default(), Needs::AllLinks, declare)?;
         declare.optional_input::<Contacts>("contacts", "true contact points on the robot");
+        MeanContacts::declare(declare);
         Drawn::declare(declare);
         Ok(model)
     }
@@ -72,6 +133,7 @@ impl TrueLoads {
         let gravity = Vector3::from(gravity);
         Ok(Self {
             contacts: setup.input("contacts")?,
+            impulses: MeanContacts::open(motion.model().frames().len(), setup)?,
             drawn: Drawn::open(setup)?,
             loads: Loads::new(motion.model(), gravity),
             gravity,
@@ -101,7 +163,7 @@ impl TrueLoads {
 
     /// Takes in the newest truth. Its times, if it is new and closes an interval.
     pub(super) fn newest(&mut self, tick: &Tick) -> Result<Option<StateTimes>, StepError> {
-        let Self { motion, contacts, drawn, loads, gravity } = self;
+        let Self { motion, contacts, impulses, drawn, loads, gravity } = self;
         let Some(times) = motion.newest()?.map(|motion| motion.times) else { return Ok(None) };
         if let Some(drawn) = drawn.newest(tick) {
             let model = motion.model();
@@ -112,8 +174,11 @@ impl TrueLoads {
             loads.set_properties(*gravity * drawn.find(Randomisation::GRAVITY, 0).unwrap_or(1.0), factor);
         }
         let (model, kinematics) = (motion.model(), motion.kinematics());
-        let closed = match contacts.latest() {
-            Some(points) => {
+        let seconds = |since: u64| times.state.saturating_sub(since) as f64 * 1e-9;
+        let dt = loads.last().map(seconds).filter(|dt| *dt > 0.0);
+        let closed = match (impulses.newest(dt), contacts.latest()) {
+            (Some(outside), _) => loads.sample_wrenches(times.state, model, kinematics, outside),
+            (None, Some(points)) => {
                 let outside = (0..points.count()).map(|index| OutsideForce {
                     link: points.link()[index] as usize,
                     point: Point3::new(
@@ -129,7 +194,7 @@ impl TrueLoads {
                 });
                 loads.sample(times.state, model, kinematics, outside)
             }
-            None => loads.sample(times.state, model, kinematics, []),
+            (None, None) => loads.sample(times.state, model, kinematics, []),
         };
         Ok(closed.then_some(times))
     }
@@ -139,6 +204,7 @@ impl TrueLoads {
         self.motion.reset();
         self.drawn.reset();
         self.loads.forget();
+        self.impulses.forget();
         self.loads.set_properties(self.gravity, |_| 1.0);
     }
 }

@@ -7,11 +7,14 @@ mod component;
 mod contact;
 mod encoder;
 mod estimator;
+mod impacts;
 mod imu;
 mod invariant;
 mod loads;
 mod pictures;
 mod place;
+mod randomised;
 mod rays;
+mod shaped_terrain;
 
 motorium::count_allocations!();

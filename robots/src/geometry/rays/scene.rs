@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::{Ray, RayHit, RayShape};
 use crate::algebra::{M3, V3};
-use crate::{CollisionModel, ConvexShape, World};
+use crate::{CollisionModel, ConvexShape, HeightField, World};
 
 /// Rays that are bounded together.
 const BUNDLE: usize = 16;
@@ -98,6 +98,16 @@ impl RayScene {
             self.add(RayShape::of_terrain(Arc::new(field)), &Isometry3::identity());
         }
         first
+    }
+
+    /// Puts another terrain into the place of the one that [`add_world`](Self::add_world) added. `false` where there is none.
+    pub fn set_terrain(&mut self, field: HeightField) -> bool {
+        let terrain = self.targets.iter_mut().find(|target| target.shape.is_terrain());
+        let is_there = terrain.is_some();
+        if let Some(target) = terrain {
+            target.shape = RayShape::of_terrain(Arc::new(field));
+        }
+        is_there
     }
 
     /// Number of shapes.

@@ -74,6 +74,11 @@ impl RayShape {
         Self { surface: Surface::Terrain(field), reach: f64::INFINITY }
     }
 
+    /// True for the surface of a terrain.
+    pub(super) fn is_terrain(&self) -> bool {
+        matches!(self.surface, Surface::Terrain(_))
+    }
+
     /// Distance \[m\] along a ray to the shape at `pose`, and the outward normal there, world axes; `None` if the ray
     /// does not meet it within `range` \[m\], or begins inside.
     pub fn cast(&self, pose: &Isometry3<f64>, ray: &Ray, range: f64) -> Option<(f64, Vector3<f64>)> {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use motorium::units::TimeSpan;
+use motorium_robots::ActuatorTable;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -48,6 +49,11 @@ pub struct DriveSimulationConfig {
     /// True: each joint has a holding brake that is open while its drive is enabled. Default true.
     #[serde(default = "yes")]
     pub brakes: bool,
+    /// What lies between the drives and the joints: lag, limits, elasticity. Default: nothing.
+    pub actuator: Option<ActuatorTable<TimeSpan>>,
+    /// The same for single joints by their names, in place of `actuator`.
+    #[serde(default)]
+    pub actuators: BTreeMap<String, ActuatorTable<TimeSpan>>,
     /// Drives that are set otherwise than the table says.
     #[serde(default)]
     pub set: Vec<SettingConfig>,

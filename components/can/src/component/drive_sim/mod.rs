@@ -1,9 +1,12 @@
 //! `can.drive_sim`: buses and drives of a robot that physics simulates.
 
+mod actuation;
 mod config;
 mod ends;
 mod simulated;
 mod sockets;
+
+use std::path::Path;
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
@@ -14,13 +17,12 @@ use super::faults::{Fault, FaultKind};
 use super::{Equipped, interfaces, load};
 use crate::{AnySimulatedDrive as Drive, Frame, Id, Overrides, Table, Transmission};
 
+use actuation::{Actuation, actuations};
 pub use config::DriveSimulationConfig;
 use ends::Ends;
 use simulated::{Simulated, wires};
 use sockets::Sockets;
 
-/// Velocity gain of a closed brake, N m s/rad or N s/m: it gives the joint's full effort at a creep.
-const BRAKE: f64 = 1e5;
 /// Time from one frame of a babbling node to the next, ns: shorter than a frame.
 const BABBLE_NS: u64 = 50_000;
 
@@ -39,6 +41,7 @@ pub struct DriveSimulation {
     config: DriveSimulationConfig,
     random: u64,
     lost: u64,
+    last_ns: Option<u64>,
 }
 
 /// The lines between adapter and drives.
@@ -52,6 +55,8 @@ struct Axis {
     name: String,
     drive: Drive,
     gear: Transmission,
+    /// Between the drive and the joint, where it is not ideal.
+    actuation: Option<Actuation>,
     bus: usize,
     /// Its node on the bus.
     node: usize,
@@ -77,7 +82,7 @@ impl Component for DriveSimulation {
 
     fn declare(config: &DriveSimulationConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let equipped = load(declare.robot(), declare.folder(), &config.source())?;
-        axes(config, &equipped)?;
+        axes(config, &equipped, declare.folder())?;
         faults(config, &equipped.table)?;
         if !(0.0..=1.0).contains(&config.loss) {
             return Err(ConfigError::key("loss", format!("{}, expected 0 to 1", config.loss)));
@@ -110,7 +115,7 @@ impl Component for DriveSimulation {
         let robot = setup.robot()?.clone();
         let equipped =
             load(Some(&robot), setup.folder(), &config.source()).map_err(ConfigureError::Config)?;
-        let mut axes = axes(&config, &equipped).map_err(ConfigureError::Config)?;
+        let mut axes = axes(&config, &equipped, setup.folder()).map_err(ConfigureError::Config)?;
         let table = &equipped.table;
         let (faults, clock) = (faults(&config, table).map_err(ConfigureError::Config)?, setup.clock());
         let is_real = interfaces::are_real(table, clock.kind()).map_err(ConfigureError::Config)?;
@@ -136,6 +141,7 @@ impl Component for DriveSimulation {
             random: setup.seed(),
             config,
             lost: 0,
+            last_ns: None,
         })
     }
 
@@ -161,7 +167,8 @@ impl Component for DriveSimulation {
             }
         }
         self.lost += drives.lost;
-        self.run_loops(now_ns)
+        let periods = tick.periods_since(self.last_ns.replace(tick.time_ns), tick.time_ns);
+        self.run_loops(now_ns, tick.dt() * f64::from(periods))
     }
 
     fn result(&self) -> Option<serde_json::Value> {
@@ -289,30 +296,6 @@ impl Voice<'_> {
     }
 }
 
-impl DriveSimulation {
-    /// Runs the inner loop of every drive on the newest state of its joint.
-    fn run_loops(&mut self, now_ns: u64) -> Result<(), StepError> {
-        let Some(state) = self.joint_state.latest() else { return Ok(()) };
-        let joints = self.axes.len();
-        if state.count() != joints {
-            return Err(StepError::failed("the joint state has another number of joints than the robot"));
-        }
-        let mut command = self.command.loan()?;
-        command.set_count(joints);
-        command.position_mut().fill(0.0);
-        command.velocity_mut().fill(0.0);
-        command.kp_mut().fill(0.0);
-        for (i, axis) in self.axes.iter_mut().enumerate() {
-            let position = axis.gear.to_drive(state.position()[i]);
-            let torque = axis.drive.step(position, state.velocity()[i] * axis.gear.ratio, now_ns);
-            command.effort_mut()[i] = torque * axis.gear.ratio;
-            let is_braked = self.config.brakes && !axis.drive.is_enabled();
-            command.kd_mut()[i] = if is_braked { BRAKE } else { 0.0 };
-        }
-        command.publish()
-    }
-}
-
 /// The node that sends an answer.
 #[derive(Clone, Copy, Debug)]
 enum Sender {
@@ -361,7 +344,11 @@ fn uniform(state: &mut u64) -> f64 {
     (z >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-fn axes(config: &DriveSimulationConfig, equipped: &Equipped) -> Result<Vec<Axis>, ConfigError> {
+fn axes(
+    config: &DriveSimulationConfig,
+    equipped: &Equipped,
+    folder: &Path,
+) -> Result<Vec<Axis>, ConfigError> {
     let Equipped { robot, table, order } = equipped;
     let names = robot.model.joint_names();
     for (index, set) in config.set.iter().enumerate() {
@@ -372,7 +359,8 @@ fn axes(config: &DriveSimulationConfig, equipped: &Equipped) -> Result<Vec<Axis>
                 .advise("name a joint of the robot, and a torque that is positive"));
         }
     }
-    let axis = |(name, &entry): (&String, &usize)| {
+    let actuations = actuations(config, &robot.model, folder)?;
+    let axis = |((name, &entry), actuation): ((&String, &usize), Option<Actuation>)| {
         let (drive, mut overrides) = (&table.drives[entry], Overrides::default());
         for set in config.set.iter().filter(|set| set.joint == *name) {
             overrides.watchdog_ns = set.watchdog.map(|watchdog| watchdog.ns).or(overrides.watchdog_ns);
@@ -382,6 +370,7 @@ fn axes(config: &DriveSimulationConfig, equipped: &Equipped) -> Result<Vec<Axis>
             name: name.clone(),
             drive: Drive::new(table, entry, overrides),
             gear: table.transmission(entry),
+            actuation,
             bus: table.bus_of(drive).unwrap_or(0),
             node: 0,
             entry,
@@ -389,7 +378,7 @@ fn axes(config: &DriveSimulationConfig, equipped: &Equipped) -> Result<Vec<Axis>
             is_cut_off: false,
         }
     };
-    Ok(names.iter().zip(order).map(axis).collect())
+    Ok(names.iter().zip(order).zip(actuations).map(axis).collect())
 }
 
 fn faults(config: &DriveSimulationConfig, table: &Table) -> Result<Vec<Fault>, ConfigError> {

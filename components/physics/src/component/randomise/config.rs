@@ -45,6 +45,8 @@ pub struct RandomiseConfig {
     pub base: PlaceIntervals,
     /// The ground or the terrain.
     pub ground: SurfaceIntervals,
+    /// The shape of the terrain.
+    pub terrain: TerrainIntervals,
     /// Objects of the world, by their names.
     pub objects: BTreeMap<String, ObjectIntervals>,
     /// Of several robots, by their names: ranges in place of those above.
@@ -95,6 +97,16 @@ pub struct SurfaceIntervals {
     pub restitution: Option<Interval>,
 }
 
+/// Ranges of the shape of a terrain. Its size stays, and so do its layers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct TerrainIntervals {
+    /// Seed of what its layers draw: whole numbers from 0 to 1e15, both ends included.
+    pub seed: Option<Interval>,
+    /// Factor of all its heights, from 0 to 100.
+    pub scale: Option<Interval>,
+}
+
 /// Ranges of the properties of an object.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -126,6 +138,8 @@ pub(super) enum Allowed {
     Share,
     /// A displacement.
     Displacement,
+    /// A whole number.
+    Seed,
 }
 
 impl Allowed {
@@ -134,6 +148,7 @@ impl Allowed {
             Self::Positive => (1e-3, 100.0, "factors from 0.001 to 100"),
             Self::Factor => (0.0, 100.0, "factors from 0 to 100"),
             Self::Share => (0.0, 1.0, "numbers from 0 to 1"),
+            Self::Seed => (0.0, 1e15, "whole numbers from 0 to 1e15"),
             Self::Displacement => (-1000.0, 1000.0, "numbers from -1000 to 1000"),
         }
     }
@@ -149,11 +164,20 @@ impl Interval {
         if !((least..=most).contains(&low) && (least..=most).contains(&high)) {
             return Err(ConfigError::key(key, format!("[{low}, {high}], expected {expected}")));
         }
+        if allowed == Allowed::Seed && (low.fract() != 0.0 || high.fract() != 0.0) {
+            return Err(ConfigError::key(key, format!("[{low}, {high}], expected {expected}")));
+        }
         if low > high {
             return Err(ConfigError::key(key, format!("[{low}, {high}], but the lowest value stands first"))
                 .advise(format!("write [{high}, {low}]")));
         }
         Ok(())
+    }
+
+    /// The whole number at a share from 0 to 1 of the way, each equally often.
+    pub(super) fn whole_at(self, share: f64) -> f64 {
+        let Self([low, high]) = self;
+        (low + (high + 1.0 - low) * share).floor().clamp(low, high)
     }
 
     /// The value at a share from 0 to 1 of the way.

@@ -15,6 +15,7 @@ use serde_json::{Map, Value, json};
 
 pub use config::{
     Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals, SurfaceIntervals,
+    TerrainIntervals,
 };
 use quantity::{Quantity, Scene, Share, quantities, shares};
 
@@ -101,11 +102,8 @@ impl Randomiser {
         simulation: &mut Simulation<E>,
         (episode, seed): (u64, u64),
     ) -> Result<(), ResetError> {
-        let values: Vec<f64> = self
-            .quantities
-            .iter()
-            .map(|quantity| quantity.interval.at(share(seed, &quantity.path)))
-            .collect();
+        let values: Vec<f64> =
+            self.quantities.iter().map(|quantity| quantity.at(share(seed, &quantity.path))).collect();
         let scene = Scene { nominal: &self.nominal, shares: &self.shares, q: &self.q };
         let start = scene.varied(&self.quantities, &values);
         let v = vec![0.0; simulation.velocity().len()];

@@ -5,7 +5,7 @@ use motorium::state::{MAX_DRAWN, Randomisation as Message};
 use motorium_robots::{BodyFactors, Model};
 
 use super::super::build::BuiltRobot;
-use super::config::{Allowed, Interval, RandomiseConfig};
+use super::config::{Allowed, Interval, RandomiseConfig, TerrainIntervals};
 use crate::{Properties, Surface};
 
 /// One quantity that is drawn.
@@ -19,6 +19,17 @@ pub(super) struct Quantity {
     pub(super) interval: Interval,
     /// The robot that it belongs to; `None` for the world.
     pub(super) robot: Option<usize>,
+}
+
+impl Quantity {
+    /// Its value at a share from 0 to 1 of its range.
+    pub(super) fn at(&self, share: f64) -> f64 {
+        if self.property == Message::TERRAIN_SEED {
+            self.interval.whole_at(share)
+        } else {
+            self.interval.at(share)
+        }
+    }
 }
 
 /// The part of the simulation's model that one robot is.
@@ -75,6 +86,7 @@ pub(super) fn quantities(
     let mut list = List(Vec::new());
     list.add((Message::GRAVITY, 0), &["gravity"], (config.gravity, Allowed::Factor), None)?;
     of_ground(config, nominal, &mut list)?;
+    of_terrain(config, nominal, &mut list)?;
     of_objects(config, nominal, &mut list)?;
     let names: Vec<&str> = robots.iter().filter_map(|robot| robot.name.as_deref()).collect();
     if let Some(name) = config.robots.keys().find(|name| !names.contains(&name.as_str())) {
@@ -124,6 +136,16 @@ fn of_ground(config: &RandomiseConfig, nominal: &Properties, list: &mut List) ->
     list.add((Message::GROUND_FRICTION, 0), &["ground", "friction"], friction, None)?;
     let restitution = (ground.restitution, Allowed::Share);
     list.add((Message::GROUND_RESTITUTION, 0), &["ground", "restitution"], restitution, None)
+}
+
+fn of_terrain(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -> Result<(), ConfigError> {
+    let TerrainIntervals { seed, scale } = config.terrain;
+    if nominal.world.terrain.is_none() && (seed.is_some() || scale.is_some()) {
+        return Err(ConfigError::key("randomise.terrain", "the world has no terrain")
+            .advise("add `terrain = { size = [8.0, 8.0], layers = [...] }` to the world"));
+    }
+    list.add((Message::TERRAIN_SEED, 0), &["terrain", "seed"], (seed, Allowed::Seed), None)?;
+    list.add((Message::TERRAIN_SCALE, 0), &["terrain", "scale"], (scale, Allowed::Factor), None)
 }
 
 fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -> Result<(), ConfigError> {
@@ -259,6 +281,15 @@ impl Scene<'_> {
                 Message::BASE_Z => lift = value,
                 Message::BASE_YAW => {
                     turn(&mut q[3..7], value);
+                    moved = true;
+                }
+                Message::TERRAIN_SEED | Message::TERRAIN_SCALE => {
+                    if let Some(terrain) = &mut world.terrain {
+                        match quantity.property {
+                            Message::TERRAIN_SEED => terrain.seed = value as u64,
+                            _ => terrain.scale *= value,
+                        }
+                    }
                     moved = true;
                 }
                 Message::OBJECT_MASS => {

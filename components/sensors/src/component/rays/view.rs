@@ -1,13 +1,17 @@
 //! The robot and the world as a sensor sees them.
 
+use std::path::Path;
+
 use motorium::component::RunClock;
 use motorium::prelude::*;
-use motorium::state::{MAX_OBJECTS, ObjectPoses};
+use motorium::state::{MAX_OBJECTS, ObjectPoses, Randomisation};
+use motorium::telemetry::set_apart;
 use motorium_robots::{
-    Attachment, CollisionModel, CollisionOptions, FrameId, MeshMode, RayScene, World, WorldError,
+    Attachment, CollisionModel, CollisionOptions, FrameId, MeshMode, RayScene, Terrain, World, WorldError,
 };
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
+use super::super::loads::Drawn;
 use super::super::robot::{Mount, Needs, TrueMotion};
 use super::looks::looks;
 use crate::rendering::Looks;
@@ -46,6 +50,8 @@ pub(super) struct View {
     /// Number of the first object among the shapes.
     first_object: usize,
     object_count: usize,
+    /// The terrain as the graph has it, and what the simulation drew for it; where there is one.
+    terrain: Option<(Terrain, Drawn)>,
 }
 
 struct Link {
@@ -68,7 +74,9 @@ impl View {
     pub(super) fn declare(seen: Seen<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         let model = TrueMotion::declare(seen.mount, seen.needs(), declare)?;
         let links = model.frames().iter().map(|frame| frame.name.as_str());
-        seen.world.check(links).map_err(|error: WorldError| ConfigError::key("world", error.to_string()))?;
+        located(seen.world, declare.folder())
+            .check(links)
+            .map_err(|error: WorldError| ConfigError::key("world", error.to_string()))?;
         let beyond = seen.world.objects.iter().skip(MAX_OBJECTS).find(|object| object.is_dynamic());
         if let Some(object) = beyond {
             let message = format!(
@@ -82,6 +90,9 @@ impl View {
             for defect in solids.left_out() {
                 declare.warn(format!("rays do not meet a link: {defect}"));
             }
+        }
+        if seen.world.terrain.is_some() {
+            Drawn::declare(declare);
         }
         if seen.moves() {
             declare.input::<ObjectPoses>("object_poses", "true poses of the objects of the world");
@@ -107,14 +118,20 @@ impl View {
                 (attachment != Attachment::World).then_some(Link { target, attachment, placement })
             }));
         }
-        let first_object = scene.add_world(seen.world);
+        let world = located(seen.world, setup.folder());
+        let first_object = scene.add_world(&world);
         let looks =
             if sees_colours { Some(looks(setup.robot()?, solids.as_ref(), seen.world)?) } else { None };
         let root = motion.model().frames()[0].name.clone();
         let root = motion.model().frame(&root).map_err(|error| ConfigError::new(error.to_string()))?;
+        let terrain = match world.terrain {
+            Some(terrain) => Some((terrain, Drawn::open(setup)?)),
+            None => None,
+        };
         let objects = if seen.moves() { Some(setup.input("object_poses")?) } else { None };
         let object_count = seen.world.objects.len();
-        let mut view = Self { motion, objects, scene, looks, links, root, first_object, object_count };
+        let mut view =
+            Self { motion, objects, scene, looks, links, root, first_object, object_count, terrain };
         view.place_links();
         Ok(view)
     }
@@ -152,8 +169,29 @@ impl View {
                 self.scene.set_pose(self.first_object + object, &pose);
             }
         }
+        self.shape_terrain(tick)?;
         self.place_links();
         Ok(Some(Look { pose: self.motion.pose(), times }))
+    }
+
+    /// Shapes the terrain as it was drawn for the episode: once, with memory of its own, which is counted apart.
+    fn shape_terrain(&mut self, tick: &Tick) -> Result<(), StepError> {
+        let Some((terrain, drawn)) = &mut self.terrain else { return Ok(()) };
+        let Some(drawn) = drawn.newest(tick) else { return Ok(()) };
+        let (seed, scale) =
+            (drawn.find(Randomisation::TERRAIN_SEED, 0), drawn.find(Randomisation::TERRAIN_SCALE, 0));
+        if seed.is_none() && scale.is_none() {
+            return Ok(());
+        }
+        let scene = &mut self.scene;
+        set_apart(|| {
+            let mut shaped = terrain.clone();
+            shaped.seed = seed.map_or(shaped.seed, |seed| seed as u64);
+            shaped.scale *= scale.unwrap_or(1.0);
+            let field = shaped.height_field().map_err(|error| StepError::failed(error.to_string()))?;
+            scene.set_terrain(field);
+            Ok(())
+        })
     }
 
     fn place_links(&mut self) {
@@ -172,7 +210,17 @@ impl View {
     /// Goes back to the start.
     pub(super) fn reset(&mut self) {
         self.motion.reset();
+        if let Some((_, drawn)) = &mut self.terrain {
+            drawn.reset();
+        }
     }
+}
+
+/// The world with the paths of its files, which begin at `folder`.
+fn located(world: &World, folder: &Path) -> World {
+    let mut world = world.clone();
+    world.locate(folder);
+    world
 }
 
 /// The solids of a robot, for rays: meshes as their convex hulls.

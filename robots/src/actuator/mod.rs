@@ -8,12 +8,28 @@
 //! thermal     heat' = ((effort / continuous)^2 - heat) / time_constant   limit falls to `continuous` as heat goes from 0.8 to 1
 //! lag         effort' = (clamp(wanted, lowest, highest) - effort) / lag
 //! rate limit  |effort'| <= rate
+//! drivetrain  motor_inertia theta'' = effort - load      load = dead_band(theta - q, backlash) stiffness + (theta' - q') damping
 //! ```
 //!
+//! In place of the law of the drive a network may say what effort is wanted: [`ActuatorNetwork`].
+//!
 //! Lag and rate limit are discretised implicitly (backward Euler), so that a step of any length is stable, and so that a simulator
-//! can solve for an effort that depends on the state at the end of the step: [`Actuator::law`].
+//! can solve for an effort that depends on the state at the end of the step: [`Actuator::law`]. So is the drivetrain, whose motor has a
+//! coordinate of its own: [`Actuator::joint_law`].
 
-use std::collections::VecDeque;
+mod delay;
+mod drivetrain;
+mod network;
+mod table;
+
+use std::sync::Arc;
+
+pub use delay::Delay;
+pub use drivetrain::{DriveCommand, Drivetrain, JointLaw, Motor};
+pub use network::{Activation, ActuatorNetwork, InputOrder, NetworkError, NetworkSettings, NetworkWeights};
+pub use table::{
+    ActuatorTable, ActuatorTableError, DrivetrainTable, EnvelopeTable, NetworkTable, ThermalTable,
+};
 
 /// A torque-speed envelope: a motor at a limited voltage.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +50,7 @@ pub struct Thermal {
 }
 
 /// The settings of an actuator. The default is an ideal one.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActuatorSettings {
     /// Time from a command until it acts \[s\].
     pub delay: f64,
@@ -46,6 +62,10 @@ pub struct ActuatorSettings {
     pub lag: f64,
     /// Largest rate of the effort \[Nm/s or N/s\].
     pub rate_limit: Option<f64>,
+    /// Shaft and gear between motor and joint; `None`: rigid ones.
+    pub drivetrain: Option<Drivetrain>,
+    /// Network that says what effort is wanted, in place of the law of the drive; `None`: that law.
+    pub network: Option<Arc<NetworkSettings>>,
 }
 
 /// Settings that describe no actuator.
@@ -83,6 +103,14 @@ impl ActuatorSettings {
                 Err(ActuatorError { setting, value, expected })
             }
         };
+        let not_negative = |setting, value: f64| {
+            let expected = "a number from 0 up";
+            if value >= 0.0 && value.is_finite() {
+                Ok(())
+            } else {
+                Err(ActuatorError { setting, value, expected })
+            }
+        };
         time("delay", self.delay)?;
         time("lag", self.lag)?;
         if let Some(Envelope { stall_effort, no_load_velocity }) = self.envelope {
@@ -92,6 +120,12 @@ impl ActuatorSettings {
         if let Some(Thermal { continuous_effort, time_constant }) = self.thermal {
             positive("thermal.continuous_effort", continuous_effort)?;
             positive("thermal.time_constant", time_constant)?;
+        }
+        if let Some(Drivetrain { motor_inertia, stiffness, damping, backlash }) = self.drivetrain {
+            positive("drivetrain.motor_inertia", motor_inertia)?;
+            positive("drivetrain.stiffness", stiffness)?;
+            not_negative("drivetrain.damping", damping)?;
+            not_negative("drivetrain.backlash", backlash)?;
         }
         self.rate_limit.map_or(Ok(()), |rate| positive("rate_limit", rate))
     }
@@ -113,7 +147,7 @@ pub struct EffortLaw {
 /// Heat from which the effort limit falls.
 const WARM: f64 = 0.8;
 
-/// The actuator of one joint, all but its delay ([`Delay`]).
+/// The actuator of one joint, all but its delay ([`Delay`]) and its network ([`ActuatorNetwork`]).
 ///
 /// ```
 /// use motorium_robots::{Actuator, ActuatorSettings};
@@ -127,10 +161,16 @@ const WARM: f64 = 0.8;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Actuator {
-    settings: ActuatorSettings,
+    envelope: Option<Envelope>,
+    thermal: Option<Thermal>,
+    lag: f64,
+    rate_limit: Option<f64>,
+    drivetrain: Option<Drivetrain>,
     limit: f64,
     effort: f64,
     heat: f64,
+    /// Of a motor that moves apart from the joint; from the first step on.
+    motor: Option<Motor>,
 }
 
 impl Actuator {
@@ -141,10 +181,22 @@ impl Actuator {
     /// [`ActuatorError`].
     pub fn new(settings: &ActuatorSettings, effort_limit: f64) -> Result<Self, ActuatorError> {
         settings.check()?;
-        Ok(Self { settings: *settings, limit: effort_limit.abs(), effort: 0.0, heat: 0.0 })
+        let ActuatorSettings { envelope, thermal, lag, rate_limit, drivetrain, .. } = *settings;
+        let limit = effort_limit.abs();
+        Ok(Self {
+            envelope,
+            thermal,
+            lag,
+            rate_limit,
+            drivetrain,
+            limit,
+            effort: 0.0,
+            heat: 0.0,
+            motor: None,
+        })
     }
 
-    /// The effort that it gives \[Nm or N\].
+    /// The effort that its motor gives \[Nm or N\].
     pub fn effort(&self) -> f64 {
         self.effort
     }
@@ -159,15 +211,15 @@ impl Actuator {
         self.limit = effort_limit.abs();
     }
 
-    /// Goes back to rest: no effort, cold.
+    /// Goes back to rest: no effort, cold, the motor where the joint will be.
     pub fn reset(&mut self) {
-        (self.effort, self.heat) = (0.0, 0.0);
+        (self.effort, self.heat, self.motor) = (0.0, 0.0, None);
     }
 
     /// The lowest and the highest effort that the motor can give at a velocity \[rad/s or m/s\].
     pub fn available(&self, velocity: f64) -> (f64, f64) {
         let mut limit = self.limit;
-        if let Some(Thermal { continuous_effort, .. }) = self.settings.thermal {
+        if let Some(Thermal { continuous_effort, .. }) = self.thermal {
             let cold = ((1.0 - self.heat) / (1.0 - WARM)).clamp(0.0, 1.0);
             if cold < 1.0 && limit > continuous_effort {
                 // A limit without end falls from four times the continuous effort.
@@ -175,7 +227,7 @@ impl Actuator {
                 limit = continuous_effort + above * cold;
             }
         }
-        match self.settings.envelope {
+        match self.envelope {
             None => (-limit, limit),
             Some(Envelope { stall_effort, no_load_velocity }) => {
                 let speed = velocity / no_load_velocity;
@@ -190,10 +242,10 @@ impl Actuator {
     /// The law of a step of `h` \[s\] that begins at a velocity \[rad/s or m/s\].
     pub fn law(&self, velocity: f64, h: f64) -> EffortLaw {
         let (low, high) = self.available(velocity);
-        let share = h / (self.settings.lag + h);
-        let carried = if self.settings.lag > 0.0 { (1.0 - share) * self.effort } else { 0.0 };
+        let share = h / (self.lag + h);
+        let carried = if self.lag > 0.0 { (1.0 - share) * self.effort } else { 0.0 };
         let (mut low, mut high) = (carried + share * low, carried + share * high);
-        if let Some(rate) = self.settings.rate_limit {
+        if let Some(rate) = self.rate_limit {
             let (least, most) = (self.effort - rate * h, self.effort + rate * h);
             (low, high) = (low.clamp(least, most), high.clamp(least, most));
         }
@@ -203,7 +255,7 @@ impl Actuator {
     /// Takes in the effort \[Nm or N\] of a step of `h` \[s\].
     pub fn apply(&mut self, effort: f64, h: f64) {
         self.effort = effort;
-        if let Some(Thermal { continuous_effort, time_constant }) = self.settings.thermal {
+        if let Some(Thermal { continuous_effort, time_constant }) = self.thermal {
             // exact for an effort that is constant in the step
             let heating = (effort / continuous_effort).powi(2);
             self.heat = heating + (self.heat - heating) * (-h / time_constant).exp();
@@ -218,67 +270,4 @@ impl Actuator {
         self.apply(effort, h);
         effort
     }
-}
-
-/// A delay of commands: what is sent at `t` acts from `t + delay` on, and stays until the next acts.
-///
-/// ```
-/// use motorium_robots::Delay;
-///
-/// let mut delay = Delay::new(2e-3, 0);
-/// let mut acting = |command: i32| {
-///     let now = delay.acting(command);
-///     delay.advance(command, 1e-3);
-///     now
-/// };
-/// assert_eq!([acting(1), acting(2), acting(3), acting(4)], [0, 0, 1, 2]);
-/// ```
-#[derive(Clone, Debug, PartialEq)]
-pub struct Delay<T> {
-    delay_ns: u64,
-    now_ns: u64,
-    idle: T,
-    /// Commands under way with the time from which they act, oldest first; the first may act already.
-    queue: VecDeque<(u64, T)>,
-}
-
-impl<T: Copy> Delay<T> {
-    /// A delay \[s\]; until the first command arrives `idle` acts. There is room for steps of 0.1 ms and longer.
-    pub fn new(delay: f64, idle: T) -> Self {
-        let delay_ns = nanoseconds(delay);
-        let queue = VecDeque::with_capacity((delay_ns / 100_000) as usize + 3);
-        Self { delay_ns, now_ns: 0, idle, queue }
-    }
-
-    /// The command that acts now, when `newest` is sent now.
-    pub fn acting(&self, newest: T) -> T {
-        if self.delay_ns == 0 {
-            return newest;
-        }
-        let arrived = self.queue.iter().take_while(|(due, _)| *due <= self.now_ns);
-        arrived.last().map_or(self.idle, |(_, command)| *command)
-    }
-
-    /// Sends `newest` now, and goes on by `dt` \[s\].
-    pub fn advance(&mut self, newest: T, dt: f64) {
-        if self.delay_ns == 0 {
-            return;
-        }
-        self.queue.push_back((self.now_ns + self.delay_ns, newest));
-        self.now_ns += nanoseconds(dt);
-        // the one that acts stays
-        while self.queue.get(1).is_some_and(|(due, _)| *due <= self.now_ns) {
-            self.queue.pop_front();
-        }
-    }
-
-    /// Goes back to the start: nothing is under way.
-    pub fn reset(&mut self) {
-        self.queue.clear();
-        self.now_ns = 0;
-    }
-}
-
-fn nanoseconds(seconds: f64) -> u64 {
-    (seconds * 1e9).round() as u64
 }

@@ -1,0 +1,200 @@
+//! What touches a robot: contact points, and their impulses since the start of an episode.
+
+use motorium::component::{ConfigureError, Setup};
+use motorium::declare::StepError;
+use motorium::state::{ContactImpulses, Contacts, MAX_CONTACTS, MAX_IMPULSES};
+use motorium::transport::Output;
+use motorium_robots::FrameId;
+use nalgebra::{Point3, Vector3};
+
+use super::build::BuiltRobot;
+use crate::{Engine, Simulation, Simulator};
+
+/// `other` of a contact with the ground.
+const GROUND: u32 = u32::MAX;
+
+/// `other` of a push of the graph.
+const PUSH: u32 = u32::MAX - 1;
+
+/// `other` of a contact with a link of another robot.
+const OTHER_ROBOT: u32 = 65_535;
+
+/// `other` of a contact with the link of index 0 of the same robot.
+const FIRST_LINK: u32 = 65_536;
+
+/// A push: the link by its articulation and its index there, point in the axes of the link, arm from it and force in those
+/// of the world.
+pub(super) type Push = ((usize, FrameId), Point3<f64>, Vector3<f64>, Vector3<f64>);
+
+/// The contacts of one robot.
+pub(super) struct Touched {
+    contacts: Output<Contacts>,
+    impulses: Output<ContactImpulses>,
+    place: Place,
+    /// Names of its links, sorted, with their indices among the links of its model.
+    links: Vec<(String, u32)>,
+    /// Link, impulse and moment since the start of the episode, in the order in which the links were first touched.
+    sums: Vec<(u32, Vector3<f64>, Vector3<f64>)>,
+}
+
+/// The links of a robot among those of its articulation.
+#[derive(Clone, Copy)]
+struct Place {
+    articulation: usize,
+    /// Number of links before its own.
+    first: u32,
+    /// Number of its links.
+    count: u32,
+}
+
+impl Place {
+    /// Index of a link among those of the robot.
+    fn index(&self, (articulation, link): (usize, FrameId)) -> Option<u32> {
+        let index = (link.index() as u32).checked_sub(self.first)?;
+        (articulation == self.articulation && index < self.count).then_some(index)
+    }
+}
+
+impl Touched {
+    /// Opens the outputs of a robot.
+    pub(super) fn open<E: Engine>(
+        robot: &BuiltRobot,
+        simulation: &Simulation<E>,
+        setup: &mut Setup,
+    ) -> Result<Self, ConfigureError> {
+        let (model, prefix) = (&robot.loaded.model, robot.prefix());
+        let named = (0..).zip(model.frames()).map(|(i, frame)| (format!("{prefix}{}", frame.name), i));
+        let mut links: Vec<(String, u32)> = named.collect();
+        let frames = simulation.articulations()[robot.articulation].model();
+        let first = frames.frame(&links[0].0).map_err(ConfigureError::failed)?.index() as u32;
+        links.sort();
+        let (articulation, count) = (robot.articulation, links.len() as u32);
+        Ok(Self {
+            contacts: setup.named_output(&robot.port("contacts"))?,
+            impulses: setup.named_output(&robot.port("contact_impulses"))?,
+            place: Place { articulation, first, count },
+            sums: Vec::with_capacity(links.len().min(MAX_IMPULSES)),
+            links,
+        })
+    }
+
+    /// Adds up what contacts and pushes did in a step of `dt` \[s\].
+    pub(super) fn accumulate<E: Engine>(
+        &mut self,
+        simulation: &Simulation<E>,
+        pushes: impl Iterator<Item = Push>,
+        dt: f64,
+    ) {
+        let Self { impulses, place, links, sums, .. } = self;
+        if !impulses.is_wired() {
+            return;
+        }
+        for (link, point, arm, force) in pushes {
+            let Some(index) = place.index(link) else { continue };
+            let at = simulation.frame_pose_of(link) * point + arm;
+            add(sums, index, &(force * dt), &(at.coords.cross(&force) * dt));
+        }
+        simulation.engine.visit_impulses(dt, &mut |name, impulse, moment| {
+            if let Some(link) = find(links, name) {
+                add(sums, link, impulse, moment);
+            }
+        });
+    }
+
+    /// Starts an episode.
+    pub(super) fn reset(&mut self) {
+        self.sums.clear();
+    }
+
+    /// Publishes the contact points and the sums; `names` are those of the objects, sorted.
+    pub(super) fn publish<E: Engine>(
+        &mut self,
+        simulation: &Simulation<E>,
+        pushes: impl Iterator<Item = Push>,
+        names: &[(String, u32)],
+    ) -> Result<(), StepError> {
+        self.publish_impulses()?;
+        let Self { contacts, place, links, .. } = self;
+        if !contacts.is_wired() {
+            return Ok(());
+        }
+        let mut points = contacts.loan()?;
+        let mut count = 0;
+        points.set_count(MAX_CONTACTS);
+        let mut add = |link: u32, other: u32, (point, force, depth): (&Point3<f64>, &Vector3<f64>, f64)| {
+            if count == MAX_CONTACTS {
+                return;
+            }
+            points.link_mut()[count] = link;
+            points.other_mut()[count] = other;
+            points.position_x_mut()[count] = point.x;
+            points.position_y_mut()[count] = point.y;
+            points.position_z_mut()[count] = point.z;
+            points.force_x_mut()[count] = force.x;
+            points.force_y_mut()[count] = force.y;
+            points.force_z_mut()[count] = force.z;
+            points.depth_mut()[count] = depth;
+            count += 1;
+        };
+        for (link, point, arm, force) in pushes {
+            let Some(index) = place.index(link) else { continue };
+            let at = simulation.frame_pose_of(link) * point + arm;
+            add(index, PUSH, (&at, &force, 0.0));
+        }
+        simulation.visit_contacts(&mut |contact| {
+            let on_second = contact.normal * contact.force + contact.friction;
+            for (link, other, force) in
+                [(contact.second, contact.first, on_second), (contact.first, contact.second, -on_second)]
+            {
+                let Some(link) = find(links, link) else { continue };
+                let other = find(links, other)
+                    .map(|link| FIRST_LINK + link)
+                    .or_else(|| find(names, other))
+                    .unwrap_or(if matches!(other, "ground" | "terrain") { GROUND } else { OTHER_ROBOT });
+                add(link, other, (&contact.point, &force, contact.depth));
+            }
+        });
+        points.set_count(count);
+        points.publish()?;
+        Ok(())
+    }
+
+    fn publish_impulses(&mut self) -> Result<(), StepError> {
+        if !self.impulses.is_wired() {
+            return Ok(());
+        }
+        let mut sums = self.impulses.loan()?;
+        sums.set_count(self.sums.len());
+        for (index, (link, impulse, moment)) in self.sums.iter().enumerate() {
+            sums.link_mut()[index] = *link;
+            sums.impulse_x_mut()[index] = impulse.x;
+            sums.impulse_y_mut()[index] = impulse.y;
+            sums.impulse_z_mut()[index] = impulse.z;
+            sums.moment_x_mut()[index] = moment.x;
+            sums.moment_y_mut()[index] = moment.y;
+            sums.moment_z_mut()[index] = moment.z;
+        }
+        sums.publish()
+    }
+}
+
+/// Adds an impulse on a link and its moment to the sums. A link beyond the room is left out.
+fn add(
+    sums: &mut Vec<(u32, Vector3<f64>, Vector3<f64>)>,
+    link: u32,
+    impulse: &Vector3<f64>,
+    moment: &Vector3<f64>,
+) {
+    if let Some((_, impulses, moments)) = sums.iter_mut().find(|(other, ..)| *other == link) {
+        *impulses += impulse;
+        *moments += moment;
+    } else if sums.len() < sums.capacity() {
+        sums.push((link, *impulse, *moment));
+    }
+}
+
+/// The number that stands with a name in a sorted list.
+fn find(sorted: &[(String, u32)], name: &str) -> Option<u32> {
+    let place = sorted.binary_search_by(|(other, _)| other.as_str().cmp(name)).ok()?;
+    Some(sorted[place].1)
+}

@@ -1,0 +1,112 @@
+//! Parameters of a sensor that are drawn anew for every episode.
+
+use motorium::units::TimeSpan;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::channel::{ErrorModel, SettingError};
+use crate::noise::Noise;
+
+/// Ranges of the parameters of a sensor, drawn evenly and anew at the start of every episode from its seed.
+///
+/// ```toml
+/// noise   = [0.5, 2.0]
+/// bias    = [0.0, 3.0]
+/// latency = ["0 ms", "4 ms"]
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SensorRanges {
+    /// Factor of the noises and of the walks of the biases, from 0 to 100. Default: 1.
+    pub noise: Option<[f64; 2]>,
+    /// Factor of the deviations of biases and of errors of scale, from 0 to 100. Default: 1.
+    pub bias: Option<[f64; 2]>,
+    /// Latency, in place of that of the sensor. Default: that.
+    pub latency: Option<[TimeSpan; 2]>,
+}
+
+/// The parameters of a sensor in one episode.
+///
+/// ```
+/// use motorium_sensors::randomise::SensorRanges;
+///
+/// let ranges = SensorRanges { noise: Some([0.5, 2.0]), ..SensorRanges::default() };
+/// let draw = ranges.draw(7, Default::default());
+/// assert!((0.5..=2.0).contains(&draw.noise) && draw.bias == 1.0);
+/// assert_eq!(draw, ranges.draw(7, Default::default()), "the same for the same seed");
+/// assert_ne!(draw, ranges.draw(8, Default::default()));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorDraw {
+    /// Factor of noises.
+    pub noise: f64,
+    /// Factor of biases.
+    pub bias: f64,
+    /// Latency.
+    pub latency: TimeSpan,
+}
+
+/// Numbers of the draws among the channels of a seed.
+const DRAWS: u64 = 1 << 21;
+
+impl SensorRanges {
+    /// True if nothing is drawn.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`SettingError`].
+    pub fn check(&self) -> Result<(), SettingError> {
+        for (name, range) in [("noise", self.noise), ("bias", self.bias)] {
+            let Some([low, high]) = range else { continue };
+            let good = |factor: f64| (0.0..=100.0).contains(&factor);
+            if let Some(value) = [low, high].into_iter().find(|factor| !good(*factor)) {
+                return Err(SettingError::new(format!("randomise.{name}"), value, "factors from 0 to 100"));
+            }
+            if low > high {
+                let setting = format!("randomise.{name}");
+                return Err(SettingError::new(setting, low, "the lowest factor first"));
+            }
+        }
+        match self.latency {
+            Some([low, high]) if low > high => {
+                let value = low.as_secs_f64();
+                Err(SettingError::new("randomise.latency", value, "the shortest time first"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The longest latency that may be drawn, where `own` is that of the sensor.
+    pub fn longest(&self, own: TimeSpan) -> TimeSpan {
+        self.latency.map_or(own, |[_, longest]| longest)
+    }
+
+    /// The draw of a seed, for a sensor with this latency of its own. Each parameter depends on the seed and its own range alone.
+    pub fn draw(&self, seed: u64, own: TimeSpan) -> SensorDraw {
+        let share = |number: u64| Noise::new(seed, DRAWS + number).uniform();
+        let factor = |range: Option<[f64; 2]>, number: u64| {
+            range.map_or(1.0, |[low, high]| (low + (high - low) * share(number)).clamp(low, high))
+        };
+        let latency = self.latency.map_or(own, |[low, high]| TimeSpan {
+            ns: low.ns + ((high.ns - low.ns) as f64 * share(2)).round() as u64,
+        });
+        SensorDraw { noise: factor(self.noise, 0), bias: factor(self.bias, 1), latency }
+    }
+}
+
+impl SensorDraw {
+    /// The errors of a quantity in the episode.
+    pub fn errors(&self, errors: &ErrorModel) -> ErrorModel {
+        ErrorModel {
+            noise: self.noise * errors.noise,
+            bias_walk: self.noise * errors.bias_walk,
+            bias: self.bias * errors.bias,
+            scale_error: self.bias * errors.scale_error,
+            ..*errors
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! A delay of commands and of measurements.
+
+use std::collections::VecDeque;
+
+/// A delay of commands: what is sent at `t` acts from `t + delay` on, and stays until the next acts.
+///
+/// ```
+/// use motorium_robots::Delay;
+///
+/// let mut delay = Delay::new(2e-3, 0);
+/// let mut acting = |command: i32| {
+///     let now = delay.acting(command);
+///     delay.advance(command, 1e-3);
+///     now
+/// };
+/// assert_eq!([acting(1), acting(2), acting(3), acting(4)], [0, 0, 1, 2]);
+/// ```
+#[derive(Debug, PartialEq)]
+pub struct Delay<T> {
+    delay_ns: u64,
+    now_ns: u64,
+    idle: T,
+    /// Commands under way with the time from which they act, oldest first; the first may act already.
+    queue: VecDeque<(u64, T)>,
+}
+
+impl<T: Copy> Clone for Delay<T> {
+    /// The copy has the same room, so that it allocates as little.
+    fn clone(&self) -> Self {
+        let mut queue = VecDeque::with_capacity(self.queue.capacity());
+        queue.extend(&self.queue);
+        Self { delay_ns: self.delay_ns, now_ns: self.now_ns, idle: self.idle, queue }
+    }
+}
+
+impl<T: Copy> Delay<T> {
+    /// A delay \[s\]; until the first command arrives `idle` acts. There is room for steps of 0.1 ms and longer.
+    pub fn new(delay: f64, idle: T) -> Self {
+        let delay_ns = nanoseconds(delay);
+        let queue = VecDeque::with_capacity((delay_ns / 100_000) as usize + 3);
+        Self { delay_ns, now_ns: 0, idle, queue }
+    }
+
+    /// The command that acts now, when `newest` is sent now.
+    pub fn acting(&self, newest: T) -> T {
+        if self.delay_ns == 0 {
+            return newest;
+        }
+        let arrived = self.queue.iter().take_while(|(due, _)| *due <= self.now_ns);
+        arrived.last().map_or(self.idle, |(_, command)| *command)
+    }
+
+    /// Sends `newest` now, and goes on by `dt` \[s\].
+    pub fn advance(&mut self, newest: T, dt: f64) {
+        if self.delay_ns == 0 {
+            return;
+        }
+        self.queue.push_back((self.now_ns + self.delay_ns, newest));
+        self.now_ns += nanoseconds(dt);
+        // the one that acts stays
+        while self.queue.get(1).is_some_and(|(due, _)| *due <= self.now_ns) {
+            self.queue.pop_front();
+        }
+    }
+
+    /// Goes back to the start: nothing is under way.
+    pub fn reset(&mut self) {
+        self.queue.clear();
+        self.now_ns = 0;
+    }
+}
+
+fn nanoseconds(seconds: f64) -> u64 {
+    (seconds * 1e9).round() as u64
+}

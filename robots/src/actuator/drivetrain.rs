@@ -1,0 +1,226 @@
+//! A drivetrain that gives way: series elasticity and backlash between the motor and the joint.
+
+use super::{Actuator, EffortLaw};
+
+/// A drivetrain: a motor with an inertia of its own that moves the joint by a spring and a damper, which a gap may part.
+///
+/// With `backlash = 0` it is a series-elastic actuator; with a stiff spring and a gap, a gear with backlash (the dead-zone model of
+/// Nordin and Gutman 2002): within the gap neither side feels the other, at its ends the teeth push and never pull. All numbers are
+/// those at the joint, behind the gear: the inertia of a rotor times the square of the gear ratio.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drivetrain {
+    /// Inertia of the motor \[kg m2 or kg\].
+    pub motor_inertia: f64,
+    /// Stiffness of the spring \[Nm/rad or N/m\].
+    pub stiffness: f64,
+    /// Damping beside the spring \[Nms/rad or Ns/m\].
+    pub damping: f64,
+    /// Width of the gap, from one end to the other \[rad or m\].
+    pub backlash: f64,
+}
+
+/// Position and velocity of a motor, at the joint: behind the gear.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motor {
+    /// Position \[rad or m\].
+    pub position: f64,
+    /// Velocity \[rad/s or m/s\].
+    pub velocity: f64,
+}
+
+/// The command of a drive, at its motor: the effort `kp (position - theta) + kd (velocity - theta') + effort`.
+///
+/// Beyond `velocity_limits` the highest effort in the direction of the motion falls by `braking` per unit of velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveCommand {
+    /// Position setpoint \[rad or m\].
+    pub position: f64,
+    /// Velocity setpoint \[rad/s or m/s\].
+    pub velocity: f64,
+    /// Feed-forward effort \[Nm or N\].
+    pub effort: f64,
+    /// Position gain \[Nm/rad or N/m\].
+    pub kp: f64,
+    /// Velocity gain \[Nms/rad or Ns/m\].
+    pub kd: f64,
+    /// Lowest and highest velocity without braking \[rad/s or m/s\].
+    pub velocity_limits: [f64; 2],
+    /// Fall of the effort beyond them \[Nms/rad or Ns/m\]; 0: none.
+    pub braking: f64,
+}
+
+impl DriveCommand {
+    /// A command of pure effort \[Nm or N\].
+    pub fn effort(effort: f64) -> Self {
+        let velocity_limits = [f64::NEG_INFINITY, f64::INFINITY];
+        Self { position: 0.0, velocity: 0.0, effort, kp: 0.0, kd: 0.0, velocity_limits, braking: 0.0 }
+    }
+}
+
+/// The effort on a joint in one step, `clamp(effort - slope * x, low, high)`, by the velocity `x` of the joint at its end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointLaw {
+    /// Effort on a joint that is at rest at the end \[Nm or N\].
+    pub effort: f64,
+    /// Fall of the effort with the velocity \[Nms/rad or Ns/m\].
+    pub slope: f64,
+    /// Lowest effort \[Nm or N\].
+    pub low: f64,
+    /// Highest effort \[Nm or N\].
+    pub high: f64,
+}
+
+impl JointLaw {
+    const NOTHING: Self = Self { effort: 0.0, slope: 0.0, low: f64::NEG_INFINITY, high: f64::INFINITY };
+
+    /// The effort at the end velocity `x` of the joint \[rad/s or m/s\].
+    ///
+    /// ```
+    /// # use motorium_robots::JointLaw;
+    /// let law = JointLaw { effort: 2.0, slope: 4.0, low: 0.0, high: f64::INFINITY };
+    /// assert_eq!([law.at(0.25), law.at(3.0)], [1.0, 0.0]);
+    /// ```
+    pub fn at(&self, x: f64) -> f64 {
+        (self.effort - self.slope * x).clamp(self.low, self.high)
+    }
+}
+
+/// An effort of the motor `constant - slope * w` by its velocity `w` at the end of the step.
+#[derive(Clone, Copy)]
+struct Line {
+    constant: f64,
+    slope: f64,
+}
+
+/// A step of a motor: what changes its velocity but the load.
+struct MotorStep {
+    /// Inertia over the length of the step.
+    inertia: f64,
+    velocity: f64,
+    wanted: Line,
+    /// Highest and lowest effort, each falling with the velocity where the drive brakes.
+    high: [Line; 2],
+    low: [Line; 2],
+}
+
+impl MotorStep {
+    fn new(
+        drivetrain: &Drivetrain,
+        motor: &Motor,
+        command: &DriveCommand,
+        (law, h): (&EffortLaw, f64),
+    ) -> Self {
+        let EffortLaw { share, carried, low, high } = *law;
+        let DriveCommand { position, velocity, effort, kp, kd, velocity_limits: [slowest, fastest], braking } =
+            *command;
+        let flat = |constant| Line { constant, slope: 0.0 };
+        let beyond = |constant: f64, limit: f64| {
+            let brakes = braking > 0.0 && limit.is_finite() && constant.is_finite();
+            if brakes {
+                Line { constant: constant + braking * limit, slope: braking }
+            } else {
+                flat(constant)
+            }
+        };
+        let asked = kp * (position - motor.position) + kd * velocity + effort;
+        Self {
+            inertia: drivetrain.motor_inertia / h,
+            velocity: motor.velocity,
+            wanted: Line { constant: share * asked + carried, slope: share * (kd + h * kp) },
+            high: [flat(high), beyond(high, fastest)],
+            low: [flat(low), beyond(low, slowest)],
+        }
+    }
+
+    /// The velocity at the end under a load `constant + slope * w`, and the line that the effort is on. The effort is a monotone
+    /// function of the velocity, made of lines by lesser and greater: so is its solution.
+    fn solve(&self, (constant, slope): (f64, f64)) -> (f64, Line) {
+        let root = |line: Line| {
+            let push = self.inertia * self.velocity + line.constant - constant;
+            (push / (self.inertia + line.slope + slope), line)
+        };
+        let least = |a: (f64, Line), b: (f64, Line)| if b.0 < a.0 { b } else { a };
+        let most = |a: (f64, Line), b: (f64, Line)| if b.0 > a.0 { b } else { a };
+        let (high, low) = (self.high.map(root), self.low.map(root));
+        let upper = most(least(high[0], high[1]), low[0]);
+        let lower = least(most(low[0], low[1]), high[0]);
+        most(lower, least(upper, root(self.wanted)))
+    }
+}
+
+impl Actuator {
+    /// Its drivetrain, where it has one that gives way.
+    pub fn drivetrain(&self) -> Option<&Drivetrain> {
+        self.drivetrain.as_ref()
+    }
+
+    /// Its motor, where that moves apart from the joint, from the first step on.
+    pub fn motor(&self) -> Option<Motor> {
+        self.motor
+    }
+
+    /// Puts the motor of a drivetrain that has not moved yet where the joint is: nothing is tense.
+    pub fn begin(&mut self, joint: Motor) {
+        if self.drivetrain.is_some() && self.motor.is_none() {
+            self.motor = Some(joint);
+        }
+    }
+
+    /// The effort on the joint in a step of `h` \[s\] that begins with the joint at `joint`; `None` where nothing gives way.
+    ///
+    /// ```
+    /// use motorium_robots::{Actuator, ActuatorSettings, DriveCommand, Drivetrain, Motor};
+    ///
+    /// let drivetrain = Drivetrain { motor_inertia: 0.1, stiffness: 200.0, damping: 2.0, backlash: 0.0 };
+    /// let settings = ActuatorSettings { drivetrain: Some(drivetrain), ..ActuatorSettings::default() };
+    /// let mut actuator = Actuator::new(&settings, 50.0)?;
+    /// let (blocked, command) = (Motor::default(), DriveCommand::effort(3.0));
+    /// for _ in 0..5000 {
+    ///     actuator.begin(blocked);
+    ///     let law = actuator.joint_law(&command, blocked, 1e-3).expect("a drivetrain");
+    ///     actuator.apply_load(&command, law.at(blocked.velocity), 1e-3);
+    /// }
+    /// // the spring is wound up until it carries the effort
+    /// assert!((actuator.motor().unwrap().position - 3.0 / 200.0).abs() < 1e-9);
+    /// # Ok::<(), motorium_robots::ActuatorError>(())
+    /// ```
+    pub fn joint_law(&self, command: &DriveCommand, joint: Motor, h: f64) -> Option<JointLaw> {
+        let drivetrain = self.drivetrain.as_ref()?;
+        let motor = self.motor.unwrap_or(joint);
+        let Drivetrain { stiffness, damping, backlash, .. } = *drivetrain;
+        let step = MotorStep::new(drivetrain, &motor, command, (&self.law(motor.velocity, h), h));
+        let half = 0.5 * backlash;
+        let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+        let mut twist = motor.position - joint.position;
+        if backlash > 0.0 {
+            // Where the gap will be if the sides do not meet decides whether they do.
+            let (free, _) = step.solve((0.0, 0.0));
+            let end = twist + h * (free - joint.velocity);
+            if end > half {
+                (twist, low) = (twist - half, 0.0);
+            } else if end < -half {
+                (twist, high) = (twist + half, 0.0);
+            } else {
+                return Some(JointLaw::NOTHING);
+            }
+        }
+        // The load is `tension + give (w - x)` at the end of the step; the line of the effort is that at the velocity of now.
+        let (tension, give) = (stiffness * twist, stiffness * h + damping);
+        let (_, line) = step.solve((tension - give * joint.velocity, give));
+        let yielding = 1.0 / (step.inertia + line.slope);
+        let free = (step.inertia * step.velocity + line.constant) * yielding;
+        let share = 1.0 / (1.0 + give * yielding);
+        Some(JointLaw { effort: share * (tension + give * free), slope: share * give, low, high })
+    }
+
+    /// Takes in the effort on the joint \[Nm or N\] of a step of `h` \[s\]: it is the load of the motor, which moves on.
+    pub fn apply_load(&mut self, command: &DriveCommand, load: f64, h: f64) {
+        let (Some(drivetrain), Some(mut motor)) = (self.drivetrain, self.motor) else { return };
+        let step = MotorStep::new(&drivetrain, &motor, command, (&self.law(motor.velocity, h), h));
+        let (velocity, line) = step.solve((load, 0.0));
+        motor.velocity = velocity;
+        motor.position += h * velocity;
+        self.motor = Some(motor);
+        self.apply(line.constant - line.slope * velocity, h);
+    }
+}

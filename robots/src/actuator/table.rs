@@ -1,0 +1,262 @@
+//! The `actuator` and `actuators` tables, as components that simulate drives read them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::{
+    Activation, ActuatorSettings, Drivetrain, Envelope, InputOrder, NetworkSettings, NetworkWeights, Thermal,
+};
+use crate::Model;
+
+/// The stages between the effort that a drive is asked for and the one that acts on the joint. The default is an ideal actuator.
+///
+/// `T` is a time, as the reader of the table writes times.
+///
+/// ```toml
+/// delay      = "2 ms"
+/// envelope   = { stall_effort = 120.0, no_load_velocity = 3.0 }
+/// lag        = "5 ms"
+/// rate_limit = 2000.0
+/// thermal    = { continuous_effort = 40.0, time_constant = "60 s" }
+/// drivetrain = { motor_inertia = 0.4, stiffness = 3000.0, damping = 5.0, backlash = 0.002 }
+/// network    = { file = "anydrive.safetensors" }
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, bound(deserialize = "T: Deserialize<'de> + Default"))]
+#[schemars(rename = "ActuatorConfig")]
+pub struct ActuatorTable<T: Default> {
+    /// Time from a command until it acts. Default none.
+    #[serde(default)]
+    pub delay: T,
+    /// Torque-speed envelope. Default: the effort limit at every speed.
+    pub envelope: Option<EnvelopeTable>,
+    /// Warming up of the winding. Default: the effort limit can be given for ever.
+    pub thermal: Option<ThermalTable<T>>,
+    /// Time constant of the effort, a first-order lag. Default none.
+    #[serde(default)]
+    pub lag: T,
+    /// Largest rate of the effort, N m/s or N/s. Default: no end.
+    pub rate_limit: Option<f64>,
+    /// Series elasticity and backlash between motor and joint. Default: a rigid drivetrain.
+    pub drivetrain: Option<DrivetrainTable>,
+    /// A learned network in place of the drive's law. Default: the law.
+    pub network: Option<NetworkTable<T>>,
+}
+
+/// The efforts of a motor at a limited voltage: from `stall_effort` at standstill they fall to none at `no_load_velocity`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "EnvelopeConfig")]
+pub struct EnvelopeTable {
+    /// Effort at standstill, N m or N; the effort limit of the joint holds besides it.
+    pub stall_effort: f64,
+    /// Velocity at which no effort is left, rad/s or m/s.
+    pub no_load_velocity: f64,
+}
+
+/// The warming up of a winding: as it gets hot the effort limit falls to the continuous effort.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, bound(deserialize = "T: Deserialize<'de>"))]
+#[schemars(rename = "ThermalConfig")]
+pub struct ThermalTable<T> {
+    /// Effort that can be given for ever, N m or N.
+    pub continuous_effort: f64,
+    /// Time constant of the winding.
+    pub time_constant: T,
+}
+
+/// A motor with an inertia of its own, and the spring, damper and gap between it and the joint, all as they are at the joint. The drive
+/// closes its loops on the motor.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "DrivetrainConfig")]
+pub struct DrivetrainTable {
+    /// Inertia of the motor behind its gear, kg m2 or kg.
+    pub motor_inertia: f64,
+    /// Stiffness of the spring, N m/rad or N/m.
+    pub stiffness: f64,
+    /// Damping beside the spring, N m s/rad or N s/m. Default 0.
+    #[serde(default)]
+    pub damping: f64,
+    /// Width of the gap of the gear, rad or m. Default 0: a series-elastic actuator.
+    #[serde(default)]
+    pub backlash: f64,
+}
+
+/// A multilayer perceptron in a safetensors file, from position errors and velocities, now and before, to the effort.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, bound(deserialize = "T: Deserialize<'de>"))]
+#[schemars(rename = "NetworkConfig")]
+pub struct NetworkTable<T> {
+    /// The file; a relative path begins at the graph's folder. Its tensors `0.weight`, `0.bias`, `2.weight` and so on are those of a
+    /// `torch.nn.Sequential`.
+    pub file: String,
+    /// Function between the layers. Default `softsign`.
+    #[serde(default)]
+    pub activation: Activation,
+    /// Ages of the measurements that go in, in the order of the inputs. Default `["0 ms", "10 ms", "20 ms"]`.
+    #[serde(default)]
+    pub times: Option<Vec<T>>,
+    /// Order of the inputs. Default: all position errors first.
+    #[serde(default)]
+    pub input_order: InputOrder,
+    /// Factor of position errors before they go in. Default 1.
+    #[serde(default = "one")]
+    pub position_scale: f64,
+    /// Factor of velocities before they go in. Default 1.
+    #[serde(default = "one")]
+    pub velocity_scale: f64,
+    /// Effort of an output of one, N m or N. Default 1.
+    #[serde(default = "one")]
+    pub effort_scale: f64,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Ages of the measurements of Hwangbo et al. \[s\].
+const TIMES: [f64; 3] = [0.0, 0.01, 0.02];
+/// Measurements that a network may take in.
+const MOST_TIMES: usize = 64;
+
+/// A mistake in the tables of actuators.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{key}: {message}")]
+pub struct ActuatorTableError {
+    /// The key at fault, dotted.
+    pub key: String,
+    /// What was found, and what was expected.
+    pub message: String,
+    /// What to try, where something can be said.
+    pub advice: Option<String>,
+}
+
+impl ActuatorTableError {
+    fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { key: key.into(), message: message.into(), advice: None }
+    }
+
+    fn advise(self, advice: impl Into<String>) -> Self {
+        Self { advice: Some(advice.into()), ..self }
+    }
+}
+
+impl<T: Copy + Default> ActuatorTable<T> {
+    /// The settings that a table at `key` describes; files are read from `folder`, `seconds` are those of a time.
+    ///
+    /// # Errors
+    ///
+    /// [`ActuatorTableError`].
+    pub fn settings(
+        &self,
+        key: &str,
+        folder: &Path,
+        seconds: fn(T) -> f64,
+    ) -> Result<ActuatorSettings, ActuatorTableError> {
+        let envelope =
+            |EnvelopeTable { stall_effort, no_load_velocity }| Envelope { stall_effort, no_load_velocity };
+        let thermal = |ThermalTable { continuous_effort, time_constant }| Thermal {
+            continuous_effort,
+            time_constant: seconds(time_constant),
+        };
+        let drivetrain = |DrivetrainTable { motor_inertia, stiffness, damping, backlash }| Drivetrain {
+            motor_inertia,
+            stiffness,
+            damping,
+            backlash,
+        };
+        let network =
+            self.network.as_ref().map(|network| network.settings(key, folder, seconds)).transpose()?;
+        let settings = ActuatorSettings {
+            delay: seconds(self.delay),
+            envelope: self.envelope.map(envelope),
+            thermal: self.thermal.map(thermal),
+            lag: seconds(self.lag),
+            rate_limit: self.rate_limit,
+            drivetrain: self.drivetrain.map(drivetrain),
+            network: network.map(Arc::new),
+        };
+        let refused = |error: super::ActuatorError| {
+            ActuatorTableError::new(format!("{key}.{}", error.setting), error.to_string())
+        };
+        settings.check().map(|()| settings).map_err(refused)
+    }
+
+    /// The actuators of the joints of a model: `of_all`, and in its place those of single joints. Empty where all are ideal.
+    ///
+    /// # Errors
+    ///
+    /// [`ActuatorTableError`].
+    pub fn of_joints(
+        (of_all, of_joints): (Option<&Self>, &BTreeMap<String, Self>),
+        model: &Model,
+        folder: &Path,
+        seconds: fn(T) -> f64,
+    ) -> Result<Vec<Option<ActuatorSettings>>, ActuatorTableError> {
+        if of_all.is_none() && of_joints.is_empty() {
+            return Ok(Vec::new());
+        }
+        let all = of_all.map(|table| table.settings("actuator", folder, seconds)).transpose()?;
+        let mut settings = vec![all; model.joint_count()];
+        for (name, table) in of_joints {
+            let key = format!("actuators.{name}");
+            let Some(joint) = model.joint_index(name) else {
+                let message = format!("robot `{}` has no joint `{name}`", model.name());
+                let advice = format!("it has: {}", model.joint_names().join(", "));
+                return Err(ActuatorTableError::new(key, message).advise(advice));
+            };
+            settings[joint] = Some(table.settings(&key, folder, seconds)?);
+        }
+        Ok(settings)
+    }
+}
+
+impl<T: Copy> NetworkTable<T> {
+    fn settings(
+        &self,
+        key: &str,
+        folder: &Path,
+        seconds: fn(T) -> f64,
+    ) -> Result<NetworkSettings, ActuatorTableError> {
+        let key = |name: &str| format!("{key}.network.{name}");
+        let written = self.times.as_ref().map(|times| times.iter().map(|time| seconds(*time)).collect());
+        let times: Vec<f64> = written.unwrap_or_else(|| TIMES.to_vec());
+        let ages = |time: &f64| (0.0..=10.0).contains(time);
+        if times.is_empty() || times.len() > MOST_TIMES || !times.iter().all(ages) {
+            let message = format!("{} times, expected 1 to {MOST_TIMES} from 0 to 10 s", times.len());
+            return Err(ActuatorTableError::new(key("times"), message));
+        }
+        for (name, scale) in [
+            ("position_scale", self.position_scale),
+            ("velocity_scale", self.velocity_scale),
+            ("effort_scale", self.effort_scale),
+        ] {
+            if !scale.is_finite() {
+                return Err(ActuatorTableError::new(key(name), format!("{scale}, expected a finite number")));
+            }
+        }
+        let path = folder.join(&self.file);
+        let bytes = std::fs::read(&path).map_err(|error| {
+            ActuatorTableError::new(key("file"), format!("{}: {error}", path.display()))
+                .advise("a relative path begins at the folder of the graph")
+        })?;
+        let weights = NetworkWeights::read(&bytes, 2 * times.len(), self.activation).map_err(|error| {
+            let message = format!("{}: {error}", path.display());
+            ActuatorTableError::new(key("file"), message)
+                .advise("save it with `safetensors.torch.save_file(net.state_dict(), ...)`, and give as many `times` as it has inputs of a kind")
+        })?;
+        Ok(NetworkSettings {
+            weights,
+            times,
+            input_order: self.input_order,
+            position_scale: self.position_scale,
+            velocity_scale: self.velocity_scale,
+            effort_scale: self.effort_scale,
+        })
+    }
+}
