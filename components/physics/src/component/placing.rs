@@ -1,5 +1,7 @@
 //! Several robots of one component: each loaded and placed, and those with fixed bases joined.
 
+use std::collections::BTreeMap;
+
 use motorium::declare::{ConfigError, RobotReference};
 use motorium_robots::{Loaded, Model, Placed, Srdf};
 use nalgebra::{Isometry3, Translation3};
@@ -56,14 +58,15 @@ impl Placing {
             model: self.loaded.model.prefixed(&self.prefix),
             rotors: rotors.collect(),
             collision_rules: self.setup.collision_rules.prefixed(&self.prefix),
-            friction: self.friction().collect(),
+            friction: self.of_links(&self.setup.friction).collect(),
+            restitution: self.of_links(&self.setup.restitution).collect(),
             actuators: Vec::new(),
         }
     }
 
-    fn friction(&self) -> impl Iterator<Item = (String, f64)> {
-        let named = |(link, friction): (&String, &f64)| (format!("{}{link}", self.prefix), *friction);
-        self.setup.friction.iter().map(named)
+    /// Values of links by the names that these have in the simulation.
+    fn of_links<'a>(&'a self, values: &'a BTreeMap<String, f64>) -> impl Iterator<Item = (String, f64)> + 'a {
+        values.iter().map(|(link, value)| (format!("{}{link}", self.prefix), *value))
     }
 
     /// The links near its base, with their names in the simulation.
@@ -94,8 +97,9 @@ pub(super) fn together(robots: &[&Placing]) -> Result<RobotSetup, ConfigError> {
         .collect();
     let model =
         Model::world("world", &placed).map_err(|error| ConfigError::key("robots", error.to_string()))?;
-    let friction = robots.iter().flat_map(|robot| robot.friction()).collect();
-    Ok(RobotSetup { collision_rules: rules, friction, ..RobotSetup::from(model) })
+    let friction = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.friction)).collect();
+    let restitution = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.restitution)).collect();
+    Ok(RobotSetup { collision_rules: rules, friction, restitution, ..RobotSetup::from(model) })
 }
 
 /// An error about the start of one of several robots.
