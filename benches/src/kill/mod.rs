@@ -83,6 +83,8 @@ pub struct Summary {
     pub leaks: u32,
     /// Runs that ended with a code other than 0, the launcher's own death apart.
     pub failed_runs: u32,
+    /// The exit code and the last lines of each of these.
+    pub failures: Vec<String>,
     /// Faults after which an actuator followed a command that was long stale.
     pub unsafe_outages: u32,
     /// Steps in which a simulated joint was faster than its limit.
@@ -122,6 +124,7 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
         strays: 0,
         leaks: 0,
         failed_runs: 0,
+        failures: Vec::new(),
         unsafe_outages: 0,
         steps_beyond_a_velocity_limit: 0,
     };
@@ -168,7 +171,11 @@ impl Summary {
         self.hangs += u32::from(end.hung);
         self.strays += end.strays as u32;
         self.leaks += end.leaks as u32;
-        self.failed_runs += u32::from(!launcher_died && end.code != Some(0));
+        if !launcher_died && end.code != Some(0) {
+            self.failed_runs += 1;
+            let code = end.code.map_or_else(|| "a signal".to_string(), |code| format!("code {code}"));
+            self.failures.push(format!("run {} ended with {code}:\n{}", self.runs, end.last_lines));
+        }
         self.steps_beyond_a_velocity_limit += end.steps_beyond_a_velocity_limit;
     }
 }

@@ -22,6 +22,9 @@ const LIMIT: Duration = Duration::from_secs(20);
 /// Time between two looks at the run's memory.
 const LOOK: Duration = Duration::from_micros(200);
 
+/// Lines of a run that failed that are told.
+const LAST_LINES: usize = 12;
+
 /// A guard that says so later than this after a fault has survived it, ns.
 const ANSWERED_NS: u64 = 10_000_000;
 
@@ -64,6 +67,8 @@ pub(super) struct RunEnd {
     pub(super) code: Option<i32>,
     /// Steps in which a joint was faster than its limit.
     pub(super) steps_beyond_a_velocity_limit: u64,
+    /// The last lines that the launcher printed.
+    pub(super) last_lines: String,
 }
 
 impl Trial {
@@ -321,6 +326,9 @@ impl Trial {
             std::thread::sleep(Duration::from_millis(5));
         }
         end.leaks = self.left();
+        let events = std::fs::read_to_string(self.scratch.join("events")).unwrap_or_default();
+        let lines: Vec<&str> = events.lines().collect();
+        end.last_lines = lines[lines.len().saturating_sub(LAST_LINES)..].join("\n");
         let report = std::fs::read(self.scratch.join("report")).unwrap_or_default();
         if let Ok(report) = serde_json::from_slice::<Report>(&report) {
             let beyond = report.results.values().filter_map(|result| {

@@ -165,5 +165,6 @@ fn closing(summary: &Summary) -> String {
         let number = if count == 0 { style::good(count) } else { style::error(count) };
         let _ = writeln!(text, "{number} {what}");
     }
+    summary.failures.iter().for_each(|failure| text += &format!("{failure}\n"));
     text
 }
