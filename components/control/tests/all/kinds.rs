@@ -281,10 +281,3 @@ fn an_orientation_that_is_not_controlled_has_no_error() {
     }
     assert!(number(&result["position_error_m"]) < 1e-4);
 }
-
-#[test]
-fn dump() {
-    let settings = schemars::generate::SchemaSettings::draft07();
-    let schema = settings.into_generator().into_root_schema_for::<motorium_control::QpControllerConfig>();
-    std::fs::write("/tmp/ctl/qp.schema.json", serde_json::to_string_pretty(&schema).unwrap()).unwrap();
-}
