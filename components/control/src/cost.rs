@@ -145,10 +145,10 @@ impl Cost {
     /// Rows that are weighted together.
     const BLOCK: usize = 8;
 
-    /// Appends the rows of `W A` that have a weight.
+    /// Appends the rows of `W A` and `W b` that have a weight.
     pub(crate) fn write_rows(&self, rows: &mut Rows) {
         for (row, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
-            let out = rows.push();
+            let out = rows.push(weight * self.desired[row]);
             match &self.matrix {
                 None => out[self.first + row] = *weight,
                 Some(matrix) => {

@@ -5,7 +5,9 @@ use motorium_robots::PerJoint;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::collision_limits::CollisionConfig;
 use super::frame_limits::FrameLimitConfig;
+use super::support_limits::SupportConfig;
 use super::tasks::TaskConfig;
 use super::torque::InverseDynamicsConfig;
 use crate::limits::{PositionLimit, VelocityLimit};
@@ -94,4 +96,8 @@ pub struct LimitsConfig {
     pub velocity: VelocityLimit,
     /// Boxes and speeds of frames.
     pub frames: Vec<FrameLimitConfig>,
+    /// Distances between links. Default: none are kept.
+    pub collision: Option<CollisionConfig>,
+    /// A point that stays above the support. Default: none.
+    pub support: Option<SupportConfig>,
 }

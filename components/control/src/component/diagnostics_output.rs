@@ -93,6 +93,11 @@ pub(super) fn push_name(message: &mut ControlDiagnostics, control: &InverseDynam
             (ControlDiagnostics::FORCE, control.point_number(contact, point), sign(side))
         }
         ConstraintName::Acceleration { joint, side } => (ControlDiagnostics::JOINT, joint, sign(side)),
+        ConstraintName::Wrench { contact } => {
+            (ControlDiagnostics::FRICTION, control.point_number(contact, 0), 0)
+        }
+        ConstraintName::Limit { row, side } => (ControlDiagnostics::ROW, row, sign(side)),
+        ConstraintName::Task { row } => (ControlDiagnostics::ROW, row, 0),
     };
     message.push_active(constraint, index, side);
 }

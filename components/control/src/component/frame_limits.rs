@@ -47,15 +47,15 @@ impl Default for FrameLimitConfig {
 }
 
 impl FrameLimitConfig {
-    /// Appends the limits, checked; `index` is that of the table in its list.
+    /// Appends the limits, checked; `path` is that of the table.
     pub(super) fn build(
         &self,
-        index: usize,
+        path: &str,
         model: &Model,
         profile: Option<&Profile>,
         limits: &mut Vec<Box<dyn RowLimit>>,
     ) -> Result<(), ConfigError> {
-        let key = |name: &str| format!("limits.frames[{index}].{name}");
+        let key = |name: &str| format!("{path}.{name}");
         let frame = model
             .end_effector(profile, self.frame.as_deref())
             .map_err(|error| ConfigError::key(key("frame"), error.to_string()))?;

@@ -1,21 +1,25 @@
 //! `control.qp`: a controller that moves a robot towards the targets of its tasks, by velocities or by torques.
 
 mod checks;
+mod collision_limits;
 mod config;
 mod diagnostics_output;
 mod frame_limits;
 mod multirotor;
 mod setup;
+mod support_limits;
 mod tasks;
 mod torque;
 mod velocity;
 mod wheels;
 
+pub use collision_limits::CollisionConfig;
 pub use config::{Feedback, LimitsConfig, QpControllerConfig};
 pub use frame_limits::FrameLimitConfig;
 pub use multirotor::{MultirotorConfig, MultirotorController};
+pub use support_limits::{SupportConfig, SupportedPoint};
 pub use tasks::*;
-pub use torque::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig};
+pub use torque::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig, WrenchConfig};
 pub use wheels::{StartConfig, WheelController, WheelsConfig};
 
 use motorium::prelude::*;
@@ -66,7 +70,7 @@ impl Component for QpController {
             "setpoints, feed-forward efforts and gains of all joints",
         );
         DiagnosticsOutput::declare(declare);
-        parts.row_limits(&config.limits)?;
+        parts.row_limits(config)?;
         // no check and no default of a parameter depends on the period
         for (place, task) in parts.tasks(0.0) {
             task.declare(&place, declare)?;

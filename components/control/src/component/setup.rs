@@ -5,9 +5,10 @@ use motorium_robots::{BasePose, Gains, Loaded, Model, PerJoint, Profile, RobotSo
 use nalgebra::{DVector, Vector3};
 
 use super::checks::{in_range, is_name, per_joint};
-use super::config::{LimitsConfig, QpControllerConfig};
+use super::config::QpControllerConfig;
+use super::support_limits::HeldSupport;
 use super::tasks::{CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskKind, TaskPlace};
-use crate::{FeedForward, check_gains, limits::RowLimit};
+use crate::{FeedForward, check_gains, inverse_dynamics::Contact, limits::RowLimit};
 
 /// Time constant of the acceleration that is fed forward, s.
 const ACCELERATION_SMOOTHING: f64 = 0.004;
@@ -20,6 +21,8 @@ pub(super) struct ControllerSetup {
     pub(super) model: Model,
     pub(super) profile: Option<Profile>,
     torque: bool,
+    gravity: Vector3<f64>,
+    contacts: Vec<Contact>,
     tasks: Vec<TaskConfig>,
     pub(super) gains: Gains,
     pub(super) feed_forward: FeedForward,
@@ -64,7 +67,12 @@ impl ControllerSetup {
         };
         let tasks = if config.tasks.is_empty() { default_tasks() } else { config.tasks.clone() };
         let torque = config.inverse_dynamics.is_some();
-        let setup = Self { model, profile, torque, tasks, gains, feed_forward };
+        let contacts = match &config.inverse_dynamics {
+            Some(dynamics) => dynamics.contacts(&model, profile.as_ref())?,
+            None => Vec::new(),
+        };
+        let gravity = config.gravity.into();
+        let setup = Self { model, profile, torque, gravity, contacts, tasks, gains, feed_forward };
         setup.check_tasks()?;
         Ok(setup)
     }
@@ -80,6 +88,8 @@ impl ControllerSetup {
                     profile,
                     period,
                     torque: self.torque,
+                    gravity: self.gravity,
+                    contacts: &self.contacts,
                     path: format!("tasks[{index}].{key}"),
                 },
                 kind,
@@ -89,16 +99,28 @@ impl ControllerSetup {
 
     /// The levels that its tasks have, each once, the highest first.
     pub(super) fn levels(&self) -> impl Iterator<Item = u32> {
-        (1..=LEVELS).filter(|level| self.tasks.iter().any(|task| task.kind().1.level() == *level))
+        let of = |level: u32| {
+            move |task: &TaskConfig| {
+                let kind = task.kind().1;
+                !kind.is_constraint() && kind.level() == level
+            }
+        };
+        (1..=LEVELS).filter(move |level| self.tasks.iter().any(of(*level)))
     }
 
     /// The limits of combinations of velocities.
-    pub(super) fn row_limits(&self, config: &LimitsConfig) -> Result<Vec<Box<dyn RowLimit>>, ConfigError> {
-        let mut limits = Vec::new();
-        for (index, frame) in config.frames.iter().enumerate() {
-            frame.build(index, &self.model, self.profile.as_ref(), &mut limits)?;
+    pub(super) fn row_limits(&self, config: &QpControllerConfig) -> Result<RowLimits, ConfigError> {
+        let (model, profile, mut rows) = (&self.model, self.profile.as_ref(), Vec::new());
+        for (index, frame) in config.limits.frames.iter().enumerate() {
+            frame.build(&format!("limits.frames[{index}]"), model, profile, &mut rows)?;
         }
-        Ok(limits)
+        if let Some(collision) = &config.limits.collision {
+            rows.push(Box::new(collision.build("limits.collision", model, profile)?));
+        }
+        let points = self.contacts.iter().map(Contact::points).sum();
+        let support = config.limits.support.as_ref();
+        let support = support.map(|support| support.build(model, self.gravity, points)).transpose()?;
+        Ok(RowLimits { rows, support })
     }
 
     fn check_tasks(&self) -> Result<(), ConfigError> {
@@ -119,6 +141,11 @@ impl ControllerSetup {
             if kind.formulations() == Formulations::Torque && !self.torque {
                 return Err(ConfigError::key(&place.path, format!("task `{name}` needs `inverse_dynamics`")));
             }
+            if kind.formulations() == Formulations::Velocity && self.torque {
+                let message = format!("task `{name}` has no form for torques");
+                return Err(ConfigError::key(&place.path, message)
+                    .advise("leave it out, or leave out `inverse_dynamics` on a robot with a fixed base"));
+            }
             for (key, input) in [("target", kind.target()), ("wrench", kind.wrench())] {
                 let Some(input) = input else { continue };
                 if targets[2..].contains(&input) {
@@ -135,6 +162,20 @@ impl ControllerSetup {
             }
         }
         Ok(())
+    }
+}
+
+/// Limits of combinations of velocities.
+pub(super) struct RowLimits {
+    pub(super) rows: Vec<Box<dyn RowLimit>>,
+    pub(super) support: Option<HeldSupport>,
+}
+
+impl RowLimits {
+    /// Number of their rows.
+    pub(super) fn count(&self) -> usize {
+        let support = self.support.as_ref().map_or(0, |support| support.limit.rows());
+        self.rows.iter().map(|limit| limit.rows()).sum::<usize>() + support
     }
 }
 
@@ -162,7 +203,6 @@ fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> 
         ("feedback", config.feedback != default.feedback),
         ("gravity_compensation", config.gravity_compensation != default.gravity_compensation),
         ("inertia_compensation", config.inertia_compensation != default.inertia_compensation),
-        ("limits.frames", !config.limits.frames.is_empty()),
         ("limits.position.rate", config.limits.position.rate != default.limits.position.rate),
     ];
     match given.into_iter().find(|(_, given)| *given) {

@@ -8,13 +8,12 @@ use nalgebra::DVector;
 
 use super::config::{Feedback, QpControllerConfig};
 use super::diagnostics_output::{DiagnosticsOutput, push_bounds};
-use super::setup::ControllerSetup;
+use super::setup::{ControllerSetup, RowLimits};
 use super::tasks::{Held, TaskBounds};
 use super::{period_ns, results};
 use crate::{
-    DifferentialIk, FeedForward, IkSettings, JointSetpoint, RobotState,
-    limits::{PositionLimit, RowLimit, VelocityLimit},
-    solver::{ActiveSetSettings, ActiveSetSolver, Sides},
+    DifferentialIk, FeedForward, IkRows, IkSettings, JointSetpoint, RobotState,
+    limits::{PositionLimit, VelocityLimit},
 };
 
 /// A controller that turns targets into joint commands, once per step; see [`DifferentialIk`].
@@ -37,7 +36,7 @@ pub(super) struct VelocityController {
     tasks: Vec<Held>,
     position: PositionLimit,
     velocity: VelocityLimit,
-    rows: Vec<Box<dyn RowLimit>>,
+    rows: RowLimits,
     ik: DifferentialIk,
     setpoint: JointSetpoint,
     gains: Gains,
@@ -73,15 +72,19 @@ impl VelocityController {
             })
             .collect::<Result<Vec<_>, ConfigureError>>()?;
         let mut rows = vec![0; parts.levels().count()];
+        let limits = parts.row_limits(&config)?;
+        let mut room = IkRows { limits: limits.count(), ..IkRows::default() };
         for Held { level, task, .. } in &mut tasks {
-            rows[*level] += task.rows();
+            if task.is_constraint() {
+                room.held += task.rows();
+                continue;
+            }
+            let soft = task.limits().map_or(0, |(limits, _)| limits.iter().map(|limit| limit.rows()).sum());
+            room.soft += soft;
+            rows[*level] += task.rows() + soft;
         }
-        let limits = parts.row_limits(&config.limits)?;
         let ControllerSetup { model, gains, feed_forward, .. } = parts;
         let mut checkpoint = setup.checkpoint(model.nv())?;
-        let limited = limits.iter().map(|limit| limit.rows()).sum();
-        let structure = DifferentialIk::structure(&model).rows(limited, Sides::Both);
-        let solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
         Ok(Self {
             joint_state: setup.input("joint_state")?,
             joint_command: setup.output("joint_command")?,
@@ -93,7 +96,7 @@ impl VelocityController {
             position: config.limits.position,
             velocity: config.limits.velocity,
             rows: limits,
-            ik: DifferentialIk::with_solver(solver, IkSettings { damping: config.damping }).levels(&rows),
+            ik: DifferentialIk::with_room(&model, room, IkSettings { damping: config.damping }).levels(&rows),
             setpoint: JointSetpoint::new(&model, &vec![0.0; model.nv()]),
             gains,
             feed_forward,
@@ -210,21 +213,35 @@ impl VelocityController {
         let state = RobotState { model: &self.model, kinematics, q };
         self.ik.begin();
         for held in &mut self.tasks {
-            if let Some(task) = held.task.task() {
-                self.ik.add_task(&state, held.level, task);
+            let constraint = held.task.is_constraint();
+            if let Some((limits, weight)) = held.task.limits() {
+                for limit in limits {
+                    self.ik.add_soft_limit(&state, held.level, limit.as_mut(), weight, dt);
+                }
+            }
+            match held.task.task() {
+                Some(task) if constraint => self.ik.constrain(&state, task),
+                Some(task) => self.ik.add_task(&state, held.level, task),
+                None => {}
             }
         }
         self.ik.add_limit(&state, &self.position, dt);
         self.ik.add_limit(&state, &self.velocity, dt);
-        for limit in &mut self.rows {
+        for limit in &mut self.rows.rows {
             self.ik.add_row_limit(&state, limit.as_mut(), dt);
+        }
+        if let Some(support) = &mut self.rows.support {
+            self.ik.add_row_limit(&state, &mut support.limit, dt);
         }
         self.diagnostics.begin_solve();
         let velocity = self.ik.solve();
         self.diagnostics.end_solve();
         let solved = velocity.is_ok();
         match velocity {
-            Ok(v) => self.setpoint.integrate(v, dt),
+            Ok(v) => {
+                self.setpoint.integrate(v, dt);
+                self.tasks.iter_mut().for_each(|held| held.task.solved(v));
+            }
             Err(_) => {
                 self.unsolved += 1;
                 self.setpoint.hold();

@@ -1,16 +1,18 @@
 //! Differential inverse kinematics: tasks and limits into one joint velocity.
 
+mod constraints;
+
 use motorium_robots::Model;
 
 use crate::{
     RobotState,
     levels::{Freedom, Level, LevelSolver, Rows},
-    limits::{Limit, LimitRows, RowLimit},
+    limits::Limit,
     solver::{
         ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Solution, SolveError, Structure,
         UpdateError,
     },
-    tasks::{ContactTask, Task},
+    tasks::Task,
 };
 
 /// Settings of [`DifferentialIk`].
@@ -43,10 +45,11 @@ pub enum IkError {
 ///
 /// ```text
 /// minimise   sum_tasks 1/2 |W (A v - b)|^2 + 1/2 damping |v|^2
-/// subject to lower <= v <= upper,   lower <= G v <= upper,   A_c v = 0
+/// subject to lower <= v <= upper,   lower <= G v <= upper,   A_c v = b_c
 /// ```
 ///
-/// `A_c` are the rows of the contacts that are [held](Self::hold): frames that rest exactly, whatever the tasks cost.
+/// `A_c` are the rows of the contacts that are [held](Self::hold), frames that rest exactly whatever the tasks cost, and of tasks
+/// that are [constraints](Self::constrain). A limit may give way, as a [task](Self::add_soft_limit) of any level.
 ///
 /// With [`levels`](Self::levels) there are several such sums, in strict priority: each level minimises its own over the
 /// velocities that leave `A v` of all tasks of the levels above as it is.
@@ -62,8 +65,25 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     below: Option<Below>,
     /// First row that no limit has taken yet.
     next_row: usize,
-    /// First equality that no contact has taken yet.
+    /// First equality that no contact and no task has taken yet.
     next_equality: usize,
+    /// Number of velocities; the unknowns after them are what soft limits give way by.
+    motions: usize,
+    /// First unknown that no soft limit has taken yet.
+    next_slack: usize,
+    /// Rows of the task that becomes a constraint.
+    constrained: Rows,
+}
+
+/// Numbers of rows that a [`DifferentialIk`] has room for besides the bounds of the joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct IkRows {
+    /// Rows of contacts that are held, and of tasks that are constraints.
+    pub held: usize,
+    /// Rows of limits.
+    pub limits: usize,
+    /// Rows of limits that may give way.
+    pub soft: usize,
 }
 
 /// The levels below the first.
@@ -118,9 +138,16 @@ impl DifferentialIk {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn with_contacts(model: &Model, held: usize, rows: usize) -> Self {
-        let structure = Self::structure(model).equalities(held).rows(rows, Sides::Both);
+        Self::with_room(model, IkRows { held, limits: rows, soft: 0 }, IkSettings::default())
+    }
+
+    /// For `model`, with room for these rows, and the active-set solver.
+    pub fn with_room(model: &Model, rows: IkRows, settings: IkSettings) -> Self {
+        let IkRows { held, limits, soft } = rows;
+        let structure = Structure::new(model.nv() + soft).bounds(Sides::Both);
+        let structure = structure.equalities(held).rows(limits + soft, Sides::Both);
         let solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
-        Self::with_solver(solver, IkSettings::default())
+        Self { motions: model.nv(), ..Self::with_solver(solver, settings) }
     }
 
     /// The structure of the problem for `model`: one bounded unknown per velocity, six of a floating base among them.
@@ -133,12 +160,23 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// With a solver built for [`DifferentialIk::structure`].
     pub fn with_solver(solver: S, settings: IkSettings) -> Self {
         let problem = Problem::new(solver.structure());
-        let velocity = vec![0.0; solver.structure().variables()];
-        Self { settings, problem, solver, velocity, below: None, next_row: 0, next_equality: 0 }
+        let variables = solver.structure().variables();
+        Self {
+            settings,
+            solver,
+            velocity: vec![0.0; variables],
+            below: None,
+            next_row: 0,
+            next_equality: 0,
+            motions: variables,
+            next_slack: variables,
+            constrained: Rows::new(variables, problem.equality_value.len()),
+            problem,
+        }
     }
 
-    /// Levels of strict priority, the highest first; for each the number of [`rows`](Task::rows) that its tasks have
-    /// together, the most that it ever has.
+    /// Levels of strict priority, the highest first; for each the number of [`rows`](Task::rows) that its tasks and soft limits
+    /// have together, the most that it ever has.
     ///
     /// ```
     /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, Task}};
@@ -206,7 +244,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.problem.row_lower.fill(f64::NEG_INFINITY);
         self.problem.row_upper.fill(f64::INFINITY);
         self.problem.equality_matrix.fill(0.0);
-        (self.next_row, self.next_equality) = (0, 0);
+        self.problem.equality_value.fill(0.0);
+        (self.next_row, self.next_equality, self.next_slack) = (0, 0, self.motions);
         if let Some(below) = &mut self.below {
             below.first.clear();
             below.levels.iter_mut().for_each(|level| level.begin(self.settings.damping));
@@ -234,48 +273,6 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Updates `contact` at `state` and holds its frame still, above all levels; its weight does not count.
-    ///
-    /// # Panics
-    /// If the solver was built for fewer rows than the contacts have together.
-    pub fn hold(&mut self, state: &RobotState<'_>, contact: &mut ContactTask) {
-        contact.update(state);
-        let (first, count) = (self.next_equality, contact.rows());
-        let held = self.problem.equality_value.len();
-        assert!(first + count <= held, "contacts with more rows than the solver was built for");
-        for (to, from) in (self.problem.equality_matrix.as_mut_slice().chunks_exact_mut(held))
-            .zip(contact.cost().matrix().as_slice().chunks_exact(6))
-        {
-            to[first..first + count].copy_from_slice(&from[..count]);
-        }
-        if let Some(below) = &mut self.below {
-            for row in 0..count {
-                let entries = contact.cost().matrix().row(row);
-                below.first.push().iter_mut().zip(entries.iter()).for_each(|(to, from)| *to = *from);
-            }
-        }
-        self.next_equality += count;
-    }
-
-    /// Intersects the bounds with those of `limit` for a tick of `dt` seconds.
-    pub fn add_limit(&mut self, state: &RobotState<'_>, limit: &dyn Limit, dt: f64) {
-        limit.intersect(state, dt, &mut self.problem);
-    }
-
-    /// Adds the rows of `limit` for a tick of `dt` seconds.
-    ///
-    /// # Panics
-    /// If the solver was built for fewer rows than the limits have together.
-    pub fn add_row_limit(&mut self, state: &RobotState<'_>, limit: &mut dyn RowLimit, dt: f64) {
-        let (first, count) = (self.next_row, limit.rows());
-        assert!(
-            first + count <= self.problem.row_lower.len(),
-            "limits with more rows than the solver was built for"
-        );
-        limit.write(state, dt, &mut LimitRows::new(&mut self.problem, first, count));
-        self.next_row += count;
-    }
-
     /// Solves the posed problem and returns the joint velocity, exactly within its bounds.
     ///
     /// # Errors
@@ -292,7 +289,7 @@ impl<S: QpSolver> DifferentialIk<S> {
             self.velocity.fill(0.0);
             return Err(error);
         }
-        Ok(&self.velocity)
+        Ok(&self.velocity[..self.motions])
     }
 
     /// Moves the velocity of the first level by what the levels below decide.
@@ -323,7 +320,7 @@ impl<S: QpSolver> DifferentialIk<S> {
 
     /// Joint velocity of the last [`solve`](Self::solve) \[rad/s or m/s\].
     pub fn velocity(&self) -> &[f64] {
-        &self.velocity
+        &self.velocity[..self.motions]
     }
 
     /// The problem as posed.

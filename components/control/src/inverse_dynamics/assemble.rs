@@ -20,6 +20,8 @@ impl InverseDynamics {
         }
         self.pose_motion();
         self.pose_contacts();
+        self.pose_wrenches();
+        self.clear_rows();
         let order = &self.order;
         let (first, end) = (order.base, order.velocities);
         self.settings.joints.write(

@@ -3,6 +3,8 @@
 use motorium_robots::{Foot, FrameId, Kinematics, Model, Reference, UnknownFrame};
 use nalgebra::{Matrix3, Matrix6xX, Vector3, Vector6};
 
+use super::WrenchCone;
+
 /// Shape of a contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ContactShape {
@@ -47,6 +49,8 @@ pub struct Contact {
     /// Distance that the centre of pressure of a sole keeps from its edges \[m\]: forces act at the corners of a rectangle that is
     /// smaller by it on each side. At most half of the shorter side counts. Default 0: the sole is about to tip at its edge.
     pub margin: f64,
+    /// Limits of the whole wrench of a sole, besides those of its points. Default none; of another shape it does not count.
+    pub wrench: Option<WrenchCone>,
     /// Normal of the world's surface, of a point or a ball; a sole has that of its frame. Default up.
     pub normal: Vector3<f64>,
 }
@@ -63,7 +67,7 @@ impl Contact {
     /// A contact of this frame and shape, with the defaults of its other fields.
     pub fn new(name: impl Into<String>, frame: FrameId, shape: ContactShape) -> Self {
         let (friction, max_force, margin, normal) = (0.6, f64::INFINITY, 0.0, Vector3::z());
-        Self { name: name.into(), frame, shape, friction, max_force, margin, normal }
+        Self { name: name.into(), frame, shape, friction, max_force, margin, wrench: None, normal }
     }
 
     /// The contact of a foot of the robot's profile: a sole, a ball, or a point.

@@ -3,15 +3,17 @@
 use motorium_robots::{Dynamics, Model, Twist};
 use nalgebra::{DMatrix, DVector, Vector3};
 
+use super::cone_level::BelowSolver;
 use super::contact::{Contact, ContactPlace, ContactShape};
+use super::limits::{DynamicsRows, Predicted};
 use super::names::{Conflicting, Order};
 use super::outcome::{FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution};
 use super::relaxed::Relaxed;
 use super::solver::FirstLevel;
 use super::tasks::AccelerationTask;
-use super::{JointAccelerationLimits, MotionState};
+use super::{JointAccelerationLimits, MotionState, WrenchCone};
 use crate::ik::IkError;
-use crate::levels::{Freedom, Level, LevelSolver, Rows};
+use crate::levels::{Freedom, Level, Rows};
 use crate::solver::{Problem, Sides, Solution, SolveError, Structure};
 
 /// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of task costs within all
@@ -26,9 +28,17 @@ pub struct InverseDynamics {
     pub(super) mass: DMatrix<f64>,
     pub(super) bias: DVector<f64>,
     pub(super) problem: Problem,
+    structure: Structure,
     solver: FirstLevel,
     relaxed: Option<Relaxed>,
-    below: Option<Below>,
+    pub(super) below: Option<Below>,
+    /// The robot of the next tick, where there are limits of velocities.
+    pub(super) predicted: Option<Predicted>,
+    /// Rows of limits, and of constrained tasks, that are taken.
+    pub(super) next_limit: usize,
+    pub(super) next_constrained: usize,
+    /// Rows of the task that becomes a constraint.
+    pub(super) constrained: Rows,
     /// Accelerations, then forces.
     x: DVector<f64>,
     solution: InverseDynamicsSolution,
@@ -36,11 +46,11 @@ pub struct InverseDynamics {
 
 /// The levels below the first.
 #[derive(Debug)]
-struct Below {
+pub(super) struct Below {
     /// Equalities and the tasks of the first level.
-    first: Rows,
+    pub(super) first: Rows,
     levels: Vec<Level>,
-    solvers: Vec<LevelSolver>,
+    solvers: Vec<BelowSolver>,
     freedom: Freedom,
 }
 
@@ -52,19 +62,35 @@ impl InverseDynamics {
 
     /// With these settings.
     pub fn with_settings(model: &Model, contacts: Vec<Contact>, settings: InverseDynamicsSettings) -> Self {
+        Self::with_room(model, contacts, settings, DynamicsRows::default())
+    }
+
+    /// With these settings, and room for limits and for tasks that are constraints.
+    pub fn with_room(
+        model: &Model,
+        contacts: Vec<Contact>,
+        settings: InverseDynamicsSettings,
+        rows: DynamicsRows,
+    ) -> Self {
         let (mut motions, mut points, mut places) = (Vec::new(), Vec::new(), Vec::new());
-        for (index, contact) in contacts.into_iter().enumerate() {
+        let mut wrenches = Vec::new();
+        for (index, mut contact) in contacts.into_iter().enumerate() {
+            contact.wrench = contact.wrench.filter(|_| matches!(contact.shape, ContactShape::Sole { .. }));
+            wrenches.extend(contact.wrench.iter().flat_map(|_| [index; WrenchCone::ROWS]));
             let (first_point, first_row) = (points.len(), motions.len());
             motions.extend((0..contact.rows()).map(|axis| (index, axis)));
             points.extend((0..contact.points()).map(|point| (index, point)));
             places.push(ContactPlace::new(contact, model, first_point, first_row));
         }
         let (nv, joints) = (model.nv(), model.joint_count());
-        let order = Order { base: nv - joints, velocities: nv, joints, motions, points };
+        let DynamicsRows { constrained, limits } = rows;
+        let base = nv - joints;
+        let order = Order { base, velocities: nv, joints, motions, points, constrained, wrenches, limits };
         let mut structure =
             Structure::new(order.variables()).equalities(order.equalities()).rows(joints, Sides::Both);
         let cones = settings.friction_model == FrictionModel::Cone;
         structure = structure.rows(4 * order.points.len(), FirstLevel::faces(cones));
+        structure = structure.rows(order.wrenches.len() + order.limits, Sides::Both);
         for variable in order.base..order.variables() {
             structure = structure.bound(variable, Sides::Both);
         }
@@ -75,12 +101,17 @@ impl InverseDynamics {
             mass: DMatrix::zeros(nv, nv),
             bias: DVector::zeros(nv),
             problem: Problem::new(&structure),
+            structure: structure.clone(),
             solver: if cones {
                 FirstLevel::cones(structure, &order)
             } else {
                 FirstLevel::pyramids(structure)
             },
             below: None,
+            predicted: (limits > 0).then(|| Predicted::new(model)),
+            next_limit: 0,
+            next_constrained: 0,
+            constrained: Rows::new(order.variables(), constrained),
             x: DVector::zeros(order.variables()),
             solution: InverseDynamicsSolution {
                 acceleration: DVector::zeros(nv),
@@ -99,18 +130,15 @@ impl InverseDynamics {
 
     /// Levels of strict priority, the highest first; for each the number of rows that its tasks have together, the most that it
     /// ever has ([`AccelerationTask::rows`]). A tick that has to be relaxed decides the first level only.
-    ///
-    /// # Panics
-    /// If there is more than one level, and friction is a [cone](FrictionModel::Cone).
     #[must_use]
     pub fn levels(mut self, rows: &[usize]) -> Self {
-        let pyramids = self.settings.friction_model == FrictionModel::Pyramid;
-        assert!(pyramids || rows.len() <= 1, "friction cones have one level of tasks");
-        let (variables, equalities) = (self.order.variables(), self.order.equalities());
+        let cones = self.settings.friction_model == FrictionModel::Cone;
+        let (order, structure) = (&self.order, &self.structure);
+        let (variables, equalities) = (order.variables(), order.equalities());
         self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
             first: Rows::new(variables, first + equalities),
             levels: below.iter().map(|rows| Level::new(variables, *rows)).collect(),
-            solvers: below.iter().map(|_| LevelSolver::new(variables, self.order.rows())).collect(),
+            solvers: below.iter().map(|_| BelowSolver::new(order, structure, cones)).collect(),
             freedom: Freedom::new(
                 variables,
                 (first + equalities).max(below.iter().copied().max().unwrap_or_default()),
@@ -135,8 +163,9 @@ impl InverseDynamics {
         regularise(&mut self.problem);
         if let Some(below) = &mut self.below {
             below.first.clear();
-            for row in self.problem.equality_matrix.row_iter() {
-                below.first.push().iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
+            let held = self.order.equalities() - self.order.constrained;
+            for row in self.problem.equality_matrix.rows(0, held).row_iter() {
+                below.first.push(0.0).iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
             }
             for level in &mut below.levels {
                 level.begin(damping);
@@ -211,7 +240,7 @@ impl InverseDynamics {
         let mut above = &*first;
         for (level, solver) in levels.iter_mut().zip(solvers) {
             freedom.close(above);
-            match solver.solve(level, freedom, &self.problem, self.x.as_mut_slice()) {
+            match solver.solve(level, freedom, &self.problem, &self.contacts, self.x.as_mut_slice()) {
                 Ok(()) => {}
                 Err(IkError::Pose(error)) => return Err(InverseDynamicsError::Pose(error)),
                 // what is decided above is a solution, too
@@ -360,7 +389,7 @@ impl InverseDynamics {
             relaxed.reset();
         }
         if let Some(below) = &mut self.below {
-            below.solvers.iter_mut().for_each(LevelSolver::reset);
+            below.solvers.iter_mut().for_each(BelowSolver::reset);
         }
     }
 }

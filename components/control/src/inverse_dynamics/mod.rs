@@ -9,6 +9,8 @@
 //!            tau_min <= M_a a - J_a' f + h_a <= tau_max             torques of the drives
 //!            |f_t| <= mu / sqrt(2) f_n,   0 <= f_n <= f_max         friction pyramid, unilateral contact
 //!            a_min <= a <= a_max                                    position and velocity limits of the joints
+//!            G a <= rate (upper - G v)                              limits of velocities, in control-barrier form
+//!            C w <= 0                                               limits of the whole wrench w of a sole
 //! ```
 //!
 //! with the mass matrix `M`, the bias `h = C(q, v) v + g(q)`, and the Jacobian `J` of the contact points. The torques
@@ -17,6 +19,9 @@
 //!
 //! - [`tasks`] are costs on `a` or `f`, weighed against one another or in [levels](InverseDynamics::levels).
 //! - [`Contact`] is a point, a ball or a sole that stands on the world.
+//! - [`WrenchCone`] limits the whole wrench of a sole: normal force, friction, centre of pressure, yaw torque.
+//! - [Limits of velocities](InverseDynamics::add_row_limit) hold as barriers of second order; a [task](InverseDynamics::constrain) may
+//!   be a constraint.
 //! - [`JointAccelerationLimits`] turn limits of position and velocity into bounds of the acceleration.
 //! - [`InverseDynamics`] assembles and solves. Where nothing satisfies all constraints it says which ones conflict, by
 //!   [`ConstraintName`], and may [relax](InverseDynamicsSettings::relaxation) those that physics allows to relax.
@@ -63,22 +68,27 @@
 //! ```
 
 mod assemble;
+mod cone_level;
 mod contact;
 mod control;
 mod joints;
+mod limits;
 mod names;
 mod outcome;
 mod relaxed;
 mod solver;
 pub mod tasks;
+mod wrench_cone;
 
 pub use contact::{Contact, ContactError, ContactShape};
 pub use control::InverseDynamics;
 pub use joints::JointAccelerationLimits;
+pub use limits::DynamicsRows;
 pub use names::{Conflicting, ConstraintName};
 pub use outcome::{
     FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack,
 };
+pub use wrench_cone::WrenchCone;
 
 use motorium_robots::{Kinematics, Model};
 

@@ -45,6 +45,23 @@ pub enum ConstraintName {
         /// `Lower` for a force that pulls.
         side: Side,
     },
+    /// Limit of the whole wrench of a sole.
+    Wrench {
+        /// Index of the contact.
+        contact: usize,
+    },
+    /// Row of a limit of velocities.
+    Limit {
+        /// Its number among the rows of all limits.
+        row: usize,
+        /// Which side.
+        side: Side,
+    },
+    /// Row of a task that is a constraint.
+    Task {
+        /// Its number among the rows of all of them.
+        row: usize,
+    },
     /// Position, velocity or acceleration limit of a joint.
     Acceleration {
         /// Index of the joint among the independent joints.
@@ -91,6 +108,11 @@ impl fmt::Display for Described<'_> {
             ConstraintName::Force { contact: index, point, side: Side::Upper } => {
                 write!(f, "largest force of contact `{}` at point {point}", contact(index))
             }
+            ConstraintName::Wrench { contact: index } => write!(f, "wrench of contact `{}`", contact(index)),
+            ConstraintName::Limit { row, side } => {
+                write!(f, "{} side of row {row} of the limits", limit(side))
+            }
+            ConstraintName::Task { row } => write!(f, "row {row} of the tasks that are constraints"),
             ConstraintName::Acceleration { joint: index, side } => {
                 write!(
                     f,
@@ -133,6 +155,12 @@ pub(super) struct Order {
     pub(super) motions: Vec<(usize, usize)>,
     /// Contact and point of each contact force.
     pub(super) points: Vec<(usize, usize)>,
+    /// Rows of tasks that are constraints.
+    pub(super) constrained: usize,
+    /// Contact of each row of a wrench cone.
+    pub(super) wrenches: Vec<usize>,
+    /// Rows of limits.
+    pub(super) limits: usize,
 }
 
 impl Order {
@@ -141,14 +169,19 @@ impl Order {
         self.velocities + 3 * self.points.len()
     }
 
-    /// Equalities: the base, then the motion of the contacts.
+    /// Equalities: the base, then the motion of the contacts, then tasks.
     pub(super) fn equalities(&self) -> usize {
-        self.base + self.motions.len()
+        self.base + self.motions.len() + self.constrained
     }
 
-    /// Rows: torques, then four faces of each friction pyramid.
+    /// Rows: torques, then four faces of each friction pyramid, then wrench cones, then limits.
     pub(super) fn rows(&self) -> usize {
-        self.joints + 4 * self.points.len()
+        self.first_limit() + self.limits
+    }
+
+    /// First row of the limits.
+    pub(super) fn first_limit(&self) -> usize {
+        self.joints + 4 * self.points.len() + self.wrenches.len()
     }
 
     /// The name of a constraint of the problem.
@@ -156,11 +189,20 @@ impl Order {
         match constraint {
             Constraint::Equality(row) if row < self.base => Some(ConstraintName::Base { axis: row }),
             Constraint::Equality(row) => {
-                let (contact, axis) = *self.motions.get(row - self.base)?;
+                let Some((contact, axis)) = self.motions.get(row - self.base).copied() else {
+                    return Some(ConstraintName::Task { row: row - self.base - self.motions.len() });
+                };
                 Some(ConstraintName::Motion { contact, axis })
             }
             Constraint::Row(row, side) if row < self.joints => {
                 Some(ConstraintName::Torque { joint: row, side })
+            }
+            Constraint::Row(row, side) if row >= self.first_limit() => {
+                Some(ConstraintName::Limit { row: row - self.first_limit(), side })
+            }
+            Constraint::Row(row, _) if row >= self.joints + 4 * self.points.len() => {
+                let contact = *self.wrenches.get(row - self.joints - 4 * self.points.len())?;
+                Some(ConstraintName::Wrench { contact })
             }
             Constraint::Row(row, _) => {
                 let (contact, point) = *self.points.get((row - self.joints) / 4)?;

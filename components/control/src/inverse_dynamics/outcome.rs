@@ -27,6 +27,9 @@ pub struct InverseDynamicsSettings {
     /// Share of the viscous damping of the joints, as the robot's file has it, that belongs to the bias: their drives then overcome
     /// it. Default 0: files often state a damping that no joint has.
     pub joint_damping: f64,
+    /// Rate at which the room between a velocity and its [limit](super::InverseDynamics::add_row_limit) may be used up \[1/s\]; at most
+    /// the tick rate is taken. Default 100.
+    pub barrier_rate: f64,
     /// Fraction of the torque limits that may be used. Default 1.
     pub torque_fraction: f64,
     /// Weight with which contacts at rest and limits of the joints are kept where not all constraints can be: cost of an
@@ -45,6 +48,7 @@ impl Default for InverseDynamicsSettings {
             friction_model: FrictionModel::Pyramid,
             joints: JointAccelerationLimits::default(),
             joint_damping: 0.0,
+            barrier_rate: 100.0,
             torque_fraction: 1.0,
             relaxation: Some(100.0),
         }
@@ -60,7 +64,7 @@ pub enum FrictionModel {
     #[default]
     Pyramid,
     /// The cone itself, solved by Clarabel: all of the friction in every direction, at tens of times the time of a pyramid, and
-    /// with one allocation a tick. Tasks have one level only. Where constraints conflict and give way, it is a pyramid again.
+    /// with one allocation a level and tick. Where constraints conflict and give way, it is a pyramid again.
     Cone,
 }
 
@@ -85,6 +89,10 @@ pub struct Slack {
     pub contact: f64,
     /// Largest acceleration of a joint beyond its limits \[rad/s2 or m/s2\].
     pub joint: f64,
+    /// Largest acceleration beyond a limit of velocities \[m/s2 or rad/s2\].
+    pub limit: f64,
+    /// Largest residual of a task that is a constraint, in the units of its rows with their weights.
+    pub task: f64,
     /// The constraints that conflict.
     pub conflict: Conflicting,
 }

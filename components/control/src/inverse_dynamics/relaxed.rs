@@ -4,14 +4,15 @@ use super::names::{Conflicting, Order};
 use super::outcome::{InverseDynamicsError, Slack};
 use crate::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Solution, Structure};
 
-/// The relaxed problem: contact motion as a cost, and the limits of the joints with a slack `s` each that costs as much.
+/// The relaxed problem: contact motion and constrained tasks as a cost, and the limits of the joints and of velocities with a slack `s`
+/// each that costs as much.
 ///
 /// ```text
 /// minimise   (cost of the tasks) + 1/2 weight^2 |J_c a - b|^2 + 1/2 weight^2 |s|^2,   x = (a, f, s)
 /// subject to M_u a - J_u' f = -h_u,  torque limits, friction, unilateral contact,  a_min <= a + s <= a_max
 /// ```
 ///
-/// Zero torques and no contact force are always possible: it always has a solution.
+/// Zero torques and no contact force are always possible, since no sole has to be loaded: it always has a solution.
 #[derive(Debug)]
 pub(super) struct Relaxed {
     weight: f64,
@@ -22,10 +23,11 @@ pub(super) struct Relaxed {
 impl Relaxed {
     pub(super) fn new(order: &Order, weight: f64) -> Self {
         let variables = order.variables();
-        let mut structure = Structure::new(variables + order.joints)
+        let mut structure = Structure::new(variables + order.joints + order.limits)
             .equalities(order.base)
             .rows(order.joints, Sides::Both)
             .rows(4 * order.points.len(), Sides::Upper)
+            .rows(order.wrenches.len() + order.limits, Sides::Both)
             .rows(order.joints, Sides::Both);
         for variable in order.velocities..variables {
             structure = structure.bound(variable, Sides::Both);
@@ -35,6 +37,11 @@ impl Relaxed {
             problem.row_matrix[(order.rows() + joint, order.base + joint)] = 1.0;
             problem.row_matrix[(order.rows() + joint, variables + joint)] = 1.0;
             problem.hessian[(variables + joint, variables + joint)] = weight * weight;
+        }
+        for limit in 0..order.limits {
+            let slack = variables + order.joints + limit;
+            problem.row_matrix[(order.first_limit() + limit, slack)] = 1.0;
+            problem.hessian[(slack, slack)] = weight * weight;
         }
         Self { weight, problem, solver: ActiveSetSolver::new(structure, ActiveSetSettings::default()) }
     }
@@ -61,6 +68,9 @@ impl Relaxed {
         problem.row_matrix.view_mut((0, 0), (rows, variables)).copy_from(&posed.row_matrix);
         problem.row_lower.rows_mut(0, rows).copy_from(&posed.row_lower);
         problem.row_upper.rows_mut(0, rows).copy_from(&posed.row_upper);
+        for wrench in order.first_limit() - order.wrenches.len()..order.first_limit() {
+            problem.row_lower[wrench] = problem.row_lower[wrench].min(0.0);
+        }
         // friction cones become the pyramids inside them, for which this solver is made
         for point in 0..order.points.len() {
             let normal = order.velocities + 3 * point + 2;
@@ -78,7 +88,7 @@ impl Relaxed {
         let squared = self.weight * self.weight;
         for row in order.base..order.equalities() {
             let (matrix, value) = (&posed.equality_matrix, posed.equality_value[row]);
-            for j in 0..order.velocities {
+            for j in 0..variables {
                 let weighted = squared * matrix[(row, j)];
                 if weighted == 0.0 {
                     continue;
@@ -91,13 +101,19 @@ impl Relaxed {
         }
         self.solver.update(problem)?;
         let found = self.solver.solve().map_err(InverseDynamicsError::Solve)?;
-        let mut slack = Slack { contact: 0.0, joint: 0.0, conflict };
+        let mut slack = Slack { contact: 0.0, joint: 0.0, limit: 0.0, task: 0.0, conflict };
+        let tasks = order.equalities() - order.constrained;
         for row in order.base..order.equalities() {
-            let entries = (0..order.velocities).map(|j| posed.equality_matrix[(row, j)] * found.x[j]);
-            slack.contact = slack.contact.max((entries.sum::<f64>() - posed.equality_value[row]).abs());
+            let entries = (0..variables).map(|j| posed.equality_matrix[(row, j)] * found.x[j]);
+            let missed = (entries.sum::<f64>() - posed.equality_value[row]).abs();
+            let of = if row < tasks { &mut slack.contact } else { &mut slack.task };
+            *of = of.max(missed);
         }
         for joint in 0..joints {
             slack.joint = slack.joint.max(found.x[variables + joint].abs());
+        }
+        for limit in 0..order.limits {
+            slack.limit = slack.limit.max(found.x[variables + joints + limit].abs());
         }
         Ok((found, slack))
     }

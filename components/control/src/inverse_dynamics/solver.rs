@@ -14,6 +14,25 @@ pub(super) enum FirstLevel {
     Cones(Box<ClarabelSolver>),
 }
 
+/// The cone of each contact point.
+pub(super) fn friction_cones(order: &Order) -> Vec<FrictionCone> {
+    let cone = |point: usize| {
+        let first = order.velocities + 3 * point;
+        FrictionCone { tangents: [first, first + 1], normal: first + 2 }
+    };
+    (0..order.points.len()).map(cone).collect()
+}
+
+/// Sets the coefficients of the cones; those of contacts that are not active are off.
+pub(super) fn set_friction(solver: &mut ClarabelSolver, contacts: &[ContactPlace]) {
+    for place in contacts {
+        for point in 0..place.contact.points() {
+            let friction = place.active.then_some(place.contact.friction);
+            solver.set_friction(place.first_point + point, friction);
+        }
+    }
+}
+
 impl FirstLevel {
     /// For a problem with four faces of a pyramid for each contact point.
     pub(super) fn pyramids(structure: Structure) -> Self {
@@ -22,12 +41,9 @@ impl FirstLevel {
 
     /// For the same problem, whose faces never bound, and a cone for each contact point.
     pub(super) fn cones(structure: Structure, order: &Order) -> Self {
-        let cone = |point: usize| {
-            let first = order.velocities + 3 * point;
-            FrictionCone { tangents: [first, first + 1], normal: first + 2 }
-        };
-        let cones = (0..order.points.len()).map(cone).collect();
-        Self::Cones(Box::new(ClarabelSolver::with_cones(structure, cones, ClarabelSettings::default())))
+        let solver =
+            ClarabelSolver::with_cones(structure, friction_cones(order), ClarabelSettings::default());
+        Self::Cones(Box::new(solver))
     }
 
     /// Sides on which faces of pyramids bound.
@@ -39,12 +55,7 @@ impl FirstLevel {
         match self {
             Self::Pyramids(solver) => solver.update(problem),
             Self::Cones(solver) => {
-                for place in contacts {
-                    for point in 0..place.contact.points() {
-                        let friction = place.active.then_some(place.contact.friction);
-                        solver.set_friction(place.first_point + point, friction);
-                    }
-                }
+                set_friction(solver, contacts);
                 solver.update(problem)
             }
         }

@@ -5,29 +5,38 @@ use nalgebra::{DMatrix, DVector};
 /// A direction is open where the rows of a level see less of it than this, as a share of the longest row.
 const UNSEEN: f64 = 1e-7;
 
-/// The weighted rows `W A` of the tasks of one level, at most as many as it was made for.
+/// The weighted rows `W A` of the tasks of one level, and `W b`; at most as many as it was made for.
 #[derive(Clone, Debug)]
 pub struct Rows {
     /// Transposed, so that a row is a column in memory: n x most.
     transposed: DMatrix<f64>,
+    /// `W b`.
+    desired: DVector<f64>,
     count: usize,
 }
 
 impl Rows {
     /// Room for `most` rows over `variables` unknowns.
     pub(crate) fn new(variables: usize, most: usize) -> Self {
-        Self { transposed: DMatrix::zeros(variables, most), count: 0 }
+        Self { transposed: DMatrix::zeros(variables, most), desired: DVector::zeros(most), count: 0 }
     }
 
     pub(crate) fn clear(&mut self) {
         self.count = 0;
     }
 
-    /// Appends a row of zeros, to be filled.
+    /// The rows, each with what it is to be equal to.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&[f64], f64)> {
+        let rows = self.transposed.as_slice().chunks_exact(self.transposed.nrows().max(1));
+        rows.zip(self.desired.iter().copied()).take(self.count)
+    }
+
+    /// Appends a row of zeros, to be filled, that is to be equal to `desired`.
     ///
     /// # Panics
     /// If a task writes more rows than it has.
-    pub fn push(&mut self) -> &mut [f64] {
+    pub fn push(&mut self, desired: f64) -> &mut [f64] {
+        self.desired[self.count] = desired;
         let variables = self.transposed.nrows();
         let row = &mut self.transposed.as_mut_slice()[self.count * variables..][..variables];
         row.fill(0.0);
@@ -133,7 +142,7 @@ mod tests {
     fn rows(given: &[&[f64]]) -> Rows {
         let mut rows = Rows::new(given[0].len(), given.len());
         for row in given {
-            rows.push().copy_from_slice(row);
+            rows.push(0.0).copy_from_slice(row);
         }
         rows
     }

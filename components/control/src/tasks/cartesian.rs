@@ -211,7 +211,8 @@ impl Task for CartesianTask {
 
     fn write_rows(&self, rows: &mut Rows) {
         for (axis, weight) in self.weights().iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
-            rows.push().iter_mut().zip(self.jacobian.row(axis).iter()).for_each(|(row, a)| *row = weight * a);
+            let row = rows.push(weight * self.desired[axis]).iter_mut();
+            row.zip(self.jacobian.row(axis).iter()).for_each(|(row, a)| *row = weight * a);
         }
     }
 }

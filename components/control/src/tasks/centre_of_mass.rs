@@ -179,7 +179,8 @@ impl Task for CentreOfMassTask {
     fn write_rows(&self, rows: &mut Rows) {
         for (axis, share) in self.settings.shares.iter().enumerate().filter(|(_, share)| **share > 0.0) {
             let weight = self.settings.weight * share;
-            rows.push().iter_mut().zip(self.jacobian.row(axis).iter()).for_each(|(row, a)| *row = weight * a);
+            let row = rows.push(weight * self.desired[axis]).iter_mut();
+            row.zip(self.jacobian.row(axis).iter()).for_each(|(row, a)| *row = weight * a);
         }
     }
 }

@@ -233,9 +233,12 @@ impl Task for GazeTask {
 
     fn write_rows(&self, rows: &mut Rows) {
         if self.settings.weight > 0.0 {
-            for seen in self.jacobian.row_iter() {
+            for (seen, desired) in self.jacobian.row_iter().zip(&self.desired) {
                 let weight = self.settings.weight;
-                rows.push().iter_mut().zip(seen.iter()).for_each(|(row, a)| *row = weight * a);
+                rows.push(weight * desired)
+                    .iter_mut()
+                    .zip(seen.iter())
+                    .for_each(|(row, a)| *row = weight * a);
             }
         }
     }

@@ -1,25 +1,43 @@
-//! The joints move to where a frame is moved more easily.
+//! The joints move to where a frame is moved more easily, or exerts forces more easily.
 
 use motorium_robots::{FrameId, Model, TaskRows};
+use schemars::JsonSchema;
+use serde::Deserialize;
 
 use super::{Cost, Rows, Task};
 use crate::{RobotState, solver::Problem};
 
-/// Joint velocities follow the slope of the manipulability `m` of a frame, away from singular configurations:
+/// The measure that a [`ManipulabilityTask`] increases.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Measure {
+    /// Velocities: `sqrt(det(J J'))`, the volume of the ellipsoid of the velocities that joint velocities of length 1 give the frame.
+    #[default]
+    Velocity,
+    /// Forces: `sqrt(det((J J')^-1))`, the volume of the ellipsoid of the forces that joint torques of length 1 exert there.
+    Force,
+}
+
+/// Joint velocities follow the slope of a manipulability `m` of a frame:
 ///
 /// ```text
-/// m = sqrt(det(J J'))                             Yoshikawa's measure of the rows that count
-/// A = 1 on all velocities,   b = gain dm/dq,   W = weight       1/(rad/s)
+/// m = sqrt(det(J J'))                             Yoshikawa's measure of the rows that count: of velocities
+/// m = sqrt(det((J J')^-1))                        or of forces, its reciprocal
+/// A = 1 on all velocities,   b = gain dm/dq       no longer than the largest speed
+/// W = weight                                      1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's task.) In a singular configuration there is no slope, and the joints are asked to rest. A floating base is asked to
-/// rest, too: it does not change the measure.
+/// (OpenSoT's task, and PyRoboLearn's task of force manipulability.) That of velocities leads away from singular configurations, that
+/// of forces towards them, where its slope grows without end: there the largest speed counts. In a singular configuration there is no
+/// slope, and the joints are asked to rest. A floating base is asked to rest, too: it does not change the measure.
 #[derive(Clone, Debug)]
 pub struct ManipulabilityTask {
     frame: FrameId,
     rows: TaskRows,
+    of: Measure,
     gain: f64,
     weight: f64,
+    max_speed: f64,
     measure: f64,
     cost: Cost,
 }
@@ -27,18 +45,59 @@ pub struct ManipulabilityTask {
 impl ManipulabilityTask {
     /// A task for `frame` of `model` and these rows of its velocity, with gain 1 and weight 1e-2.
     pub fn new(model: &Model, frame: FrameId, rows: TaskRows) -> Self {
-        let cost = Cost::identity(0, model.nv());
-        Self { frame, rows, gain: 1.0, weight: 1e-2, measure: 0.0, cost }
+        let (of, cost) = (Measure::Velocity, Cost::identity(0, model.nv()));
+        Self { frame, rows, of, gain: 1.0, weight: 1e-2, max_speed: f64::INFINITY, measure: 0.0, cost }
+    }
+
+    /// The same task for the manipulability of forces.
+    ///
+    /// ```
+    /// use motorium_control::{RobotState, tasks::{ManipulabilityTask, Task}};
+    /// use motorium_robots::{Kinematics, TaskRows, load};
+    ///
+    /// let panda = load("panda", std::path::Path::new("."))?;
+    /// let (model, home) = (&panda.model, panda.profile.unwrap().home(&panda.model)?);
+    /// let mut kinematics = Kinematics::new(model);
+    /// kinematics.update(model, home.as_slice());
+    /// let hand = model.frame("panda_hand_tcp")?;
+    /// let mut force = ManipulabilityTask::new(model, hand, TaskRows::POSITION).of_forces();
+    /// force.update(&RobotState { model, kinematics: &kinematics, q: home.as_slice() });
+    /// let velocity = kinematics.manipulability(model, hand, TaskRows::POSITION);
+    /// assert!((force.measure() * velocity - 1.0).abs() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn of_forces(self) -> Self {
+        self.of(Measure::Force)
+    }
+
+    /// The same task for this measure.
+    #[must_use]
+    pub fn of(mut self, measure: Measure) -> Self {
+        self.of = measure;
+        self
     }
 
     /// The same task with a gain \[(rad/s)^2 per unit of the measure\] and a weight \[1/(rad/s)\].
     #[must_use]
     pub fn with(mut self, gain: f64, weight: f64) -> Self {
-        (self.gain, self.weight) = (gain, weight);
+        self.set(gain, weight);
         self
     }
 
-    /// The manipulability at the last update.
+    /// Changes gain and weight from the next update on.
+    pub fn set(&mut self, gain: f64, weight: f64) {
+        (self.gain, self.weight) = (gain, weight);
+    }
+
+    /// The same task with a largest length of `b` \[rad/s\].
+    #[must_use]
+    pub fn max_speed(mut self, speed: f64) -> Self {
+        self.max_speed = speed;
+        self
+    }
+
+    /// The manipulability at the last update: of forces infinite in a singular configuration.
     pub fn measure(&self) -> f64 {
         self.measure
     }
@@ -56,8 +115,18 @@ impl Task for ManipulabilityTask {
 
     fn update(&mut self, state: &RobotState<'_>) {
         let slope = self.cost.desired_mut().as_mut_slice();
-        self.measure = state.kinematics.manipulability_gradient(state.model, self.frame, self.rows, slope);
-        slope.iter_mut().for_each(|slope| *slope *= self.gain);
+        let velocity = state.kinematics.manipulability_gradient(state.model, self.frame, self.rows, slope);
+        let (measure, factor) = match self.of {
+            Measure::Velocity => (velocity, 1.0),
+            // d(1/m) = -dm / m^2
+            Measure::Force => (velocity.recip(), -velocity.powi(-2)),
+        };
+        self.measure = measure;
+        let length = slope.iter().map(|slope| slope * slope).sum::<f64>().sqrt();
+        let most = self.max_speed / length;
+        let factor = (self.gain * factor).clamp(-most, most);
+        let usable = length > 0.0 && factor.is_finite();
+        slope.iter_mut().for_each(|slope| *slope = if usable { *slope * factor } else { 0.0 });
         self.cost.weights_mut().fill(self.weight);
     }
 

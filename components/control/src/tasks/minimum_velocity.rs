@@ -5,13 +5,13 @@ use motorium_robots::Model;
 use super::{Cost, Rows, Task};
 use crate::{RobotState, solver::Problem};
 
-/// Velocities are small:
+/// Velocities are small, or near given ones:
 ///
 /// ```text
-/// A = 1 on all velocities,   b = 0,   W = weight diag(shares)      1/(rad/s) or 1/(m/s)
+/// A = 1 on all velocities,   b = v*,   W = weight diag(shares)      1/(rad/s) or 1/(m/s)
 /// ```
 ///
-/// (OpenSoT's and PyRoboLearn's task.) Shares let some joints, or a floating base, move more than others.
+/// (OpenSoT's and PyRoboLearn's tasks of minimum velocity, `v* = 0`, and of minimum acceleration, `v*` the velocity of the tick before.) Shares let some joints, or a floating base, move more than others.
 #[derive(Clone, Debug)]
 pub struct MinimumVelocityTask {
     weight: f64,
@@ -30,6 +30,24 @@ impl MinimumVelocityTask {
     pub fn weight(mut self, weight: f64) -> Self {
         self.weight = weight;
         self
+    }
+
+    /// Changes the weight from the next update on.
+    pub fn set_weight(&mut self, weight: f64) {
+        self.weight = weight;
+    }
+
+    /// Sets `v*`, an entry for each velocity.
+    ///
+    /// # Panics
+    /// If it has another length.
+    pub fn set_target(&mut self, velocity: &[f64]) {
+        self.cost.desired_mut().copy_from_slice(velocity);
+    }
+
+    /// Sets `v*` to zero.
+    pub fn set_rest(&mut self) {
+        self.cost.desired_mut().fill(0.0);
     }
 
     /// Sets the factor of the weight of one velocity; zero leaves it free.

@@ -5,23 +5,29 @@ mod centre_of_mass;
 mod contact;
 mod gaze;
 mod manipulability;
+mod minimum_effort;
 mod minimum_velocity;
 mod momentum;
 mod posture;
 mod relative;
+mod rigid_rotation;
 mod rolling;
+mod unicycle;
 
 pub use cartesian::{CartesianSettings, CartesianTask};
 pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
 pub use contact::ContactTask;
 pub(crate) use gaze::least_turn;
 pub use gaze::{GazeSettings, GazeTask};
-pub use manipulability::ManipulabilityTask;
+pub use manipulability::{ManipulabilityTask, Measure};
+pub use minimum_effort::MinimumEffortTask;
 pub use minimum_velocity::MinimumVelocityTask;
 pub use momentum::MomentumTask;
 pub use posture::{PostureSettings, PostureTask};
 pub use relative::{RelativeSettings, RelativeTask};
+pub use rigid_rotation::RigidRotationTask;
 pub use rolling::RollingTask;
+pub use unicycle::{UnicycleSettings, UnicycleTask};
 
 use nalgebra::{Dim, Dyn, Matrix, RawStorage};
 
@@ -44,7 +50,7 @@ pub trait Task {
     /// the Hessian), whose unknowns are the joint velocities.
     fn add_to(&self, problem: &mut Problem);
 
-    /// Appends the rows of `W A` as of the last update: at most [`rows`](Self::rows) of them, for a row without weight may
+    /// Appends the rows of `W A`, and of `W b`, as of the last update: at most [`rows`](Self::rows) of them, for a row without weight may
     /// be left out.
     fn write_rows(&self, rows: &mut Rows);
 }

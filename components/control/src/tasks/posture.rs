@@ -132,7 +132,8 @@ impl Task for PostureTask {
 
     fn write_rows(&self, rows: &mut Rows) {
         for (joint, share) in self.shares.iter().enumerate() {
-            rows.push()[self.first + joint] = self.settings.weight * share;
+            let weight = self.settings.weight * share;
+            rows.push(weight * self.settings.gain * self.error[joint])[self.first + joint] = weight;
         }
     }
 }

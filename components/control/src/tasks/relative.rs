@@ -80,6 +80,26 @@ impl RelativeTask {
         self
     }
 
+    /// Changes gain and weights from the next update on.
+    pub fn set_settings(&mut self, settings: RelativeSettings) {
+        self.settings = settings;
+    }
+
+    /// Gain and weights.
+    pub fn settings(&self) -> &RelativeSettings {
+        &self.settings
+    }
+
+    /// The frames `a` and `b`.
+    pub fn frames(&self) -> (FrameId, FrameId) {
+        self.frames
+    }
+
+    /// Pose of `b` in the frame `a` that is aimed at.
+    pub fn target(&self) -> &Isometry3<f64> {
+        &self.target
+    }
+
     /// Sets the pose of `b` in the frame `a`.
     pub fn set_target(&mut self, target: Isometry3<f64>) {
         self.target = target;

@@ -62,6 +62,11 @@ impl RollingTask {
         self
     }
 
+    /// Changes the weight from the next update on.
+    pub fn set_weight(&mut self, weight: f64) {
+        self.weight = weight;
+    }
+
     /// `c` at the last update \[m, world axes\]; zero for a wheel that lies flat.
     pub fn contact(&self) -> &Vector3<f64> {
         &self.contact

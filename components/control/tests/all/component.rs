@@ -222,10 +222,6 @@ fn a_hand_stays_within_its_box_and_its_speed_whatever_its_target_is() {
         "{ limits = { frames = [{ z = [0.5, 0.4] }] } }",
         &["limits.frames[0].z", "from 0.5 to 0.4"],
     );
-    assert_refused(
-        "{ inverse_dynamics = {}, limits = { frames = [{ max_linear = 1.0 }] } }",
-        &["limits.frames"],
-    );
 }
 
 #[test]

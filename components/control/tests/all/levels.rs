@@ -37,8 +37,8 @@ impl Task for Numbers {
     }
 
     fn write_rows(&self, rows: &mut Rows) {
-        for row in self.a.row_iter() {
-            rows.push().iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
+        for (row, desired) in self.a.row_iter().zip(&self.b) {
+            rows.push(*desired).iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
         }
     }
 }

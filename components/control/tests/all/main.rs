@@ -8,6 +8,7 @@ mod feed_forward;
 mod gaze;
 mod graph;
 mod inverse_kinematics;
+mod kinds;
 mod known_problems;
 mod levels;
 mod multirotor;

@@ -87,11 +87,6 @@ fn configurations_of_torques_that_cannot_work_are_refused_by_their_key() {
         with("{ tasks = [{ capture_point = {} }] }"),
         &["tasks[0].capture_point", "needs `inverse_dynamics`"],
     );
-    let levels = "tasks = [{ cartesian = {} }, { posture = { level = 2 } }]";
-    refused(
-        with(&format!("{{ inverse_dynamics = {{ friction_model = \"cone\" }}, {levels} }}")),
-        &["inverse_dynamics.friction_model", "several levels", "pyramid"],
-    );
     let contact = |rest: &str| with(&torques(&format!("contacts = [{{ frame = \"panda_hand\", {rest} }}]")));
     refused(contact("margin = 0.1"), &["contacts[0].margin", "no sole"]);
     refused(contact("sole = [0.3, 0.1], margin = 0.05"), &["contacts[0].margin", "0.05 m leaves nothing"]);

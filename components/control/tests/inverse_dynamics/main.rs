@@ -1,5 +1,7 @@
 //! Tests of inverse dynamics: tasks, contacts, limits, levels, and what happens where constraints conflict.
 
+mod added_tasks;
+mod barriers;
 mod closed_loop;
 mod constraints;
 mod friction;
@@ -8,6 +10,7 @@ mod points;
 mod robots;
 mod tasks;
 mod velocity;
+mod wrench_cones;
 mod wrenches;
 
 motorium::count_allocations!();

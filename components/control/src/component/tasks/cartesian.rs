@@ -222,10 +222,15 @@ impl HeldTask for Cartesian {
     fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
         let Some(target) = &self.current else { return };
         let pose = measured.kinematics.pose(measured.model, self.task.frame());
-        let error = GoalError {
-            position: (self.task.target().translation.vector - pose.translation.vector).norm(),
-            orientation: Some(pose.rotation.angle_to(&self.task.target().rotation)),
+        let settings = self.task.settings();
+        // what is not controlled has no error
+        let position = match settings.position_weight > 0.0 {
+            true => (self.task.target().translation.vector - pose.translation.vector).norm(),
+            false => 0.0,
         };
+        let turned = settings.orientation_weight > 0.0;
+        let orientation = turned.then(|| pose.rotation.angle_to(&self.task.target().rotation));
+        let error = GoalError { position, orientation };
         self.goals.observe(target.goal, target.at_goal != 0, error, dt);
     }
 
@@ -236,12 +241,14 @@ impl HeldTask for Cartesian {
     fn result(&self) -> Option<serde_json::Value> {
         let summary = self.goals.summary();
         let latest = self.goals.latest();
+        let position =
+            |error: GoalError| (self.task.settings().position_weight > 0.0).then_some(error.position);
         Some(serde_json::json!({
             "goals_reached": summary.reached,
             "goals_missed": summary.missed,
-            "position_error_m": summary.worst.map(|error| error.position),
+            "position_error_m": summary.worst.and_then(position),
             "orientation_error_rad": summary.worst.and_then(|error| error.orientation),
-            "last_position_error_m": latest.map(|error| error.position),
+            "last_position_error_m": latest.and_then(position),
             "last_orientation_error_rad": latest.and_then(|error| error.orientation),
             "targets_refused": self.refused,
         }))

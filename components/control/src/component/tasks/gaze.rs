@@ -1,7 +1,7 @@
 //! The gaze task of `control.qp`.
 
 use motorium::prelude::*;
-use nalgebra::{Unit, Vector3};
+use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -64,12 +64,7 @@ impl Default for GazeConfig {
 impl GazeConfig {
     fn build(&self, place: &TaskPlace<'_>) -> Result<GazeTask, ConfigError> {
         let frame = place.frame("gaze", self.frame.as_deref())?;
-        let axis = Unit::try_new(Vector3::from(self.axis), 1e-9)
-            .filter(|axis| axis.iter().all(|number| number.is_finite()))
-            .ok_or_else(|| {
-                ConfigError::key(place.key("axis"), format!("{:?} has no direction", self.axis))
-                    .advise("give an axis of the frame, such as [0, 0, 1]")
-            })?;
+        let axis = place.axis("axis", self.axis)?;
         Ok(GazeTask::new(place.model, frame, axis).with(GazeSettings {
             gain: place.in_range("gain", self.gain, GAINS)?,
             weight: place.in_range("weight", self.weight, WEIGHTS)?,

@@ -7,29 +7,53 @@ mod admittance;
 mod capture_point;
 mod cartesian;
 mod centre_of_mass;
+mod constraint;
+mod contact_wrench;
 mod gaze;
+mod held;
+mod limit;
+mod manipulability;
+mod minimum;
 mod momentum;
 mod posture;
+mod relative;
+mod rigid_rotation;
+mod rolling;
+mod unicycle;
 
 pub use admittance::AdmittanceConfig;
 pub use capture_point::CapturePointConfig;
 pub use cartesian::CartesianConfig;
 pub use centre_of_mass::CentreOfMassConfig;
+pub use constraint::ConstraintConfig;
+pub use contact_wrench::ContactWrenchConfig;
 pub use gaze::GazeConfig;
+pub use limit::LimitConfig;
+pub use manipulability::{ManipulabilityConfig, ManipulabilityRows};
+pub use minimum::{MinimumConfig, MinimumOf};
 pub use momentum::MomentumConfig;
 pub use posture::PostureConfig;
+pub use relative::RelativeConfig;
+pub use rigid_rotation::RigidRotationConfig;
+pub use rolling::RollingConfig;
+pub use unicycle::UnicycleConfig;
 
 use core::ops::RangeInclusive;
 
 use motorium::prelude::*;
 use motorium_robots::{EndEffectorError, FrameId, Model, Profile};
+use nalgebra::{Unit, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::checks;
 use crate::{
     GoalRecord, RobotState,
-    inverse_dynamics::tasks::{AccelerationTask, Feedback},
+    inverse_dynamics::{
+        Contact,
+        tasks::{AccelerationTask, Feedback},
+    },
+    limits::RowLimit,
     tasks::Task,
 };
 
@@ -67,12 +91,30 @@ task_kinds! {
     "cartesian" => Cartesian(CartesianConfig),
     /// The centre of mass follows a point.
     "centre_of_mass" => CentreOfMass(CentreOfMassConfig),
+    /// A task holds exactly, above all levels.
+    "constraint" => Constraint(ConstraintConfig),
+    /// Force and torque of a contact follow a target; torques only.
+    "contact_wrench" => ContactWrench(ContactWrenchConfig),
     /// An axis of a frame points at a point.
     "gaze" => Gaze(GazeConfig),
+    /// Limits that give way; velocities only.
+    "limit" => Limit(LimitConfig),
+    /// The joints move to where a frame is moved, or exerts forces, more easily; velocities only.
+    "manipulability" => Manipulability(ManipulabilityConfig),
+    /// Velocities, accelerations, efforts, torques or contact forces are small.
+    "minimum" => Minimum(MinimumConfig),
     /// The momentum about the centre of mass comes to rest; torques only.
     "momentum" => Momentum(MomentumConfig),
     /// The joints keep a posture.
     "posture" => Posture(PostureConfig),
+    /// A frame reaches a pose in another frame of the robot; velocities only.
+    "relative" => Relative(RelativeConfig),
+    /// A steered wheel rolls along the way of its base; velocities only.
+    "rigid_rotation" => RigidRotation(RigidRotationConfig),
+    /// A wheel rolls without slipping; velocities only.
+    "rolling" => Rolling(RollingConfig),
+    /// A frame drives forward and turns, and never sideways; velocities only.
+    "unicycle" => Unicycle(UnicycleConfig),
 }
 
 /// The configuration of one kind of task.
@@ -98,6 +140,11 @@ pub(super) trait TaskKind {
         Formulations::Both
     }
 
+    /// True for a task that holds exactly, above all levels.
+    fn is_constraint(&self) -> bool {
+        false
+    }
+
     /// Checks the configuration, and declares input and parameters.
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError>;
 
@@ -114,6 +161,8 @@ pub(super) trait TaskKind {
 pub(super) enum Formulations {
     /// Velocities and torques.
     Both,
+    /// Velocities alone.
+    Velocity,
     /// Torques alone.
     Torque,
 }
@@ -131,11 +180,38 @@ pub(super) struct TaskPlace<'a> {
     pub(super) period: f64,
     /// True if the controller computes torques.
     pub(super) torque: bool,
+    /// Acceleration of free fall, m/s2.
+    pub(super) gravity: Vector3<f64>,
+    /// Contacts of inverse dynamics; none where the controller computes velocities.
+    pub(super) contacts: &'a [Contact],
     /// Path of the table of the task in the configuration, such as `tasks[0].cartesian`.
     pub(super) path: String,
 }
 
-impl TaskPlace<'_> {
+impl<'a> TaskPlace<'a> {
+    /// The place of a table within that of the task.
+    fn within(&self, name: &str) -> TaskPlace<'a> {
+        TaskPlace { path: self.key(name), ..*self }
+    }
+
+    /// The frame that the key `name` names.
+    fn named_frame(&self, name: &str, link: &str) -> Result<FrameId, ConfigError> {
+        if link.is_empty() {
+            return Err(ConfigError::key(self.key(name), "it is missing").advise("name a link of the robot"));
+        }
+        self.model.frame(link).map_err(|error| ConfigError::key(self.key(name), error.to_string()))
+    }
+
+    /// The direction that the key `name` gives.
+    fn axis(&self, name: &str, axis: [f64; 3]) -> Result<Unit<Vector3<f64>>, ConfigError> {
+        Unit::try_new(Vector3::from(axis), 1e-9)
+            .filter(|axis| axis.iter().all(|number| number.is_finite()))
+            .ok_or_else(|| {
+                ConfigError::key(self.key(name), format!("{axis:?} has no direction"))
+                    .advise("give an axis, such as [0, 0, 1]")
+            })
+    }
+
     /// Path of the key `name` of the task.
     pub(super) fn key(&self, name: &str) -> String {
         format!("{}.{name}", self.path)
@@ -202,6 +278,19 @@ pub(super) trait HeldTask {
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
         None
     }
+
+    /// Limits that give way, and the cost of a velocity beyond them.
+    fn limits(&mut self) -> Option<(&mut [Box<dyn RowLimit>], f64)> {
+        None
+    }
+
+    /// True if it holds exactly, above all levels.
+    fn is_constraint(&self) -> bool {
+        false
+    }
+
+    /// Takes the velocity that was decided.
+    fn solved(&mut self, _velocity: &[f64]) {}
 
     /// The number of rows of its cost.
     fn rows(&mut self) -> usize {

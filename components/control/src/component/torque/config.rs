@@ -9,7 +9,7 @@ use serde::Deserialize;
 use crate::component::checks::in_range;
 use crate::component::config::QpControllerConfig;
 use crate::inverse_dynamics::{
-    Contact, ContactShape, FrictionModel, InverseDynamicsSettings, JointAccelerationLimits,
+    Contact, ContactShape, FrictionModel, InverseDynamicsSettings, JointAccelerationLimits, WrenchCone,
 };
 
 /// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot of the catalogue with
@@ -33,6 +33,9 @@ pub struct InverseDynamicsConfig {
     pub max_acceleration: f64,
     /// Fraction of the torque limits that may be used, more than 0, at most 1. Default 1.
     pub torque_fraction: f64,
+    /// Rate at which the room between a velocity and one of `limits.frames`, `limits.collision` and `limits.support` may be used up, 1/s,
+    /// 1e-3 to 1e6; at most the tick rate is used. Default 100.
+    pub barrier_rate: f64,
     /// Share of the damping of the joints, as the robot's file has it, that the torques overcome, 0 to 1. Default 0.
     pub joint_damping: f64,
     /// Rate at which the velocity of a contact that slips decays, 1/s, 0 to 1000. Default 20.
@@ -59,6 +62,7 @@ impl Default for InverseDynamicsConfig {
             braking: settings.joints.braking,
             max_acceleration: settings.joints.max_acceleration,
             torque_fraction: settings.torque_fraction,
+            barrier_rate: settings.barrier_rate,
             joint_damping: settings.joint_damping,
             contact_damping: settings.contact_damping,
             contact_ramp: TimeSpan { ns: 200_000_000 },
@@ -100,11 +104,61 @@ pub struct ContactConfig {
     pub max_force: Option<f64>,
     /// Distance that the centre of pressure of a sole keeps from its edges, m, less than half of its shorter side. Default 0.
     pub margin: Option<f64>,
+    /// Limits of the whole wrench of a sole. Default: none besides those of its points.
+    pub wrench: Option<WrenchConfig>,
+}
+
+/// Limits of the whole wrench of a sole, besides those of the forces at its corners.
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct WrenchConfig {
+    /// Sides of the rectangle, centred at the origin of the frame, that the centre of pressure stays in, along x and y, m. Default: the
+    /// sole less `margin`.
+    pub sides: Option<[f64; 2]>,
+    /// Coefficient of friction of force and yaw torque, 1e-3 to 10. Default: that of the contact.
+    pub friction: Option<f64>,
+    /// Least normal force, N, at least 0. Default 0.
+    pub min_force: Option<f64>,
+    /// Largest normal force, N, more than `min_force`. Default: no limit.
+    pub max_force: Option<f64>,
+    /// Largest torque about the normal, Nm, at least 0. Default: no limit.
+    pub max_yaw: Option<f64>,
+}
+
+impl WrenchConfig {
+    /// The limits, checked, of a contact.
+    fn cone(&self, contact: &Contact, key: &dyn Fn(&str) -> String) -> Result<WrenchCone, ConfigError> {
+        let ContactShape::Sole { sides } = contact.shape else {
+            return Err(ConfigError::key(key("wrench"), "of a contact that is no sole").advise(
+                "a point or a ball has no torque of its own: limit it by `friction` and `max_force`",
+            ));
+        };
+        let cone = WrenchCone {
+            sides: self.sides.unwrap_or(sides.map(|side| side - 2.0 * contact.margin)),
+            friction: self.friction.unwrap_or(contact.friction),
+            min_force: self.min_force.unwrap_or(0.0),
+            max_force: self.max_force.unwrap_or(f64::INFINITY),
+            max_yaw: self.max_yaw.unwrap_or(f64::INFINITY),
+        };
+        for side in cone.sides {
+            in_range(&key("wrench.sides"), side, 1e-6..=1e3)?;
+        }
+        in_range(&key("wrench.friction"), cone.friction, 1e-3..=10.0)?;
+        in_range(&key("wrench.min_force"), cone.min_force, 0.0..=1e9)?;
+        in_range(&key("wrench.max_yaw"), cone.max_yaw, 0.0..=f64::INFINITY)?;
+        if cone.max_force.is_nan() || cone.max_force <= cone.min_force {
+            let message = format!("{} N, with a min_force of {} N", cone.max_force, cone.min_force);
+            return Err(
+                ConfigError::key(key("wrench.max_force"), message).advise("the larger one of the two")
+            );
+        }
+        Ok(cone)
+    }
 }
 
 impl InverseDynamicsConfig {
     /// The contacts, checked.
-    pub(super) fn contacts(
+    pub(in crate::component) fn contacts(
         &self,
         model: &Model,
         profile: Option<&Profile>,
@@ -151,6 +205,7 @@ impl InverseDynamicsConfig {
             friction_model: self.friction_model,
             joint_damping: in_range(&key("joint_damping"), self.joint_damping, 0.0..=1.0)?,
             torque_fraction: in_range(&key("torque_fraction"), self.torque_fraction, 1e-6..=1.0)?,
+            barrier_rate: in_range(&key("barrier_rate"), self.barrier_rate, 1e-3..=1e6)?,
             relaxation: match self.on_infeasible {
                 InfeasiblePolicy::Relax => InverseDynamicsSettings::default().relaxation,
                 InfeasiblePolicy::Hold | InfeasiblePolicy::SafeStop => None,
@@ -230,6 +285,7 @@ impl ContactConfig {
         if let Some(force) = self.max_force {
             contact.max_force = in_range(&key("max_force"), force, 1e-3..=1e9)?;
         }
+        contact.wrench = self.wrench.map(|wrench| wrench.cone(&contact, key)).transpose()?;
         Ok(contact)
     }
 }

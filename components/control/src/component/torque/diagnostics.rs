@@ -44,6 +44,8 @@ pub(super) struct Diagnostics {
     pub(super) stale: u64,
     slack_contact: f64,
     slack_joint: f64,
+    slack_limit: f64,
+    slack_task: f64,
     conflict: Option<Conflicting>,
     /// Centre of mass at the start and at the last step.
     centre: Option<(Vector3<f64>, Vector3<f64>)>,
@@ -65,6 +67,8 @@ impl Diagnostics {
             stale: 0,
             slack_contact: 0.0,
             slack_joint: 0.0,
+            slack_limit: 0.0,
+            slack_task: 0.0,
             conflict: None,
             centre: None,
             farthest: 0.0,
@@ -92,13 +96,15 @@ impl Diagnostics {
             self.relaxed += 1;
             self.slack_contact = self.slack_contact.max(slack.contact);
             self.slack_joint = self.slack_joint.max(slack.joint);
+            self.slack_limit = self.slack_limit.max(slack.limit);
+            self.slack_task = self.slack_task.max(slack.task);
             self.conflict.get_or_insert(slack.conflict);
             return;
         }
         let (mut torque, mut friction, mut joint) = (false, false, false);
         control.visit_active(&mut |name| match name {
             ConstraintName::Torque { .. } => torque = true,
-            ConstraintName::Friction { .. } => friction = true,
+            ConstraintName::Friction { .. } | ConstraintName::Wrench { .. } => friction = true,
             ConstraintName::Acceleration { .. } => joint = true,
             _ => {}
         });
@@ -141,7 +147,12 @@ impl Diagnostics {
             "steps_at_a_joint_limit": self.at_joint_limit,
             "steps_relaxed": self.relaxed,
             "levels_undecided": self.undecided,
-            "largest_slack": { "contact": self.slack_contact, "joint": self.slack_joint },
+            "largest_slack": {
+                "contact": self.slack_contact,
+                "joint": self.slack_joint,
+                "limit": self.slack_limit,
+                "task": self.slack_task,
+            },
             "first_conflict": self.conflict.map(|conflict| conflict.describe(model, &contacts)),
         });
         if let Some((start, last)) = self.centre {

@@ -3,7 +3,7 @@
 mod config;
 mod diagnostics;
 
-pub use config::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig};
+pub use config::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig, WrenchConfig};
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
@@ -12,11 +12,11 @@ use motorium_robots::{Gains, Kinematics, Model};
 
 use super::config::QpControllerConfig;
 use super::diagnostics_output::{DiagnosticsOutput, push_name};
-use super::setup::ControllerSetup;
+use super::setup::{ControllerSetup, RowLimits};
 use super::tasks::{Held, TaskBounds};
 use super::{period_ns, results};
 use crate::inverse_dynamics::{
-    Conflicting, FrictionModel, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings,
+    Conflicting, DynamicsRows, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings,
     JointAccelerationLimits, MotionState,
 };
 use crate::{JointSetpoint, RobotState};
@@ -43,6 +43,7 @@ pub(super) struct TorqueController {
     tasks: Vec<Held>,
     control: InverseDynamics,
     contacts: Vec<ContactSwitch>,
+    limits: RowLimits,
     /// The integrated accelerations.
     reference: JointSetpoint,
     reference_velocity: Vec<f64>,
@@ -87,11 +88,6 @@ impl TorqueController {
         declare: &mut Declare,
     ) -> Result<(), ConfigError> {
         config.settings(&QpControllerConfig::default())?;
-        if config.friction_model == FrictionModel::Cone && parts.levels().count() > 1 {
-            let message = "\"cone\", where the tasks have several levels";
-            return Err(ConfigError::key("inverse_dynamics.friction_model", message)
-                .advise("give all tasks the same `level`, or take \"pyramid\""));
-        }
         for contact in config.contacts(&parts.model, parts.profile.as_ref())? {
             let doc = "share of its load that the contact may carry: 0 lifts it, ramped";
             declare.float(&format!("{}_contact", contact.name), 1.0, 0.0..=1.0, "", doc);
@@ -111,8 +107,11 @@ impl TorqueController {
             })
             .collect::<Result<Vec<_>, ConfigureError>>()?;
         let mut rows = vec![0; parts.levels().count()];
+        let limits = parts.row_limits(config)?;
+        let mut room = DynamicsRows { limits: limits.count(), constrained: 0 };
         for Held { level, task, .. } in &mut tasks {
-            rows[*level] += task.rows();
+            let of = if task.is_constraint() { &mut room.constrained } else { &mut rows[*level] };
+            *of += task.rows();
         }
         let contacts = table.contacts(&parts.model, parts.profile.as_ref())?;
         let settings: InverseDynamicsSettings = table.settings(config)?;
@@ -126,7 +125,7 @@ impl TorqueController {
                 Ok(ContactSwitch { parameter, load: 1.0, max_force, ramped: max_force.min(LOADED * weight) })
             })
             .collect::<Result<Vec<_>, ConfigureError>>()?;
-        let control = InverseDynamics::with_settings(&model, contacts, settings).levels(&rows);
+        let control = InverseDynamics::with_room(&model, contacts, settings, room).levels(&rows);
         let floating = model.base().floating;
         Ok(Self {
             joint_state: setup.input("joint_state")?,
@@ -141,6 +140,7 @@ impl TorqueController {
             joints: control.settings().joints,
             control,
             contacts: switches,
+            limits,
             reference: JointSetpoint::of_joints(&model),
             reference_velocity: vec![0.0; model.joint_count()],
             torque: vec![0.0; model.joint_count()],
@@ -263,9 +263,21 @@ impl TorqueController {
         let state = MotionState { model: &self.model, kinematics: &self.kinematics, q: &self.q, v: &self.v };
         self.control.begin(&state, dt);
         for held in &mut self.tasks {
-            if let Some(task) = held.task.acceleration() {
-                self.control.add_task(&state, held.level, task);
+            let constraint = held.task.is_constraint();
+            match held.task.acceleration() {
+                Some(task) if constraint => self.control.constrain(&state, task),
+                Some(task) => self.control.add_task(&state, held.level, task),
+                None => {}
             }
+        }
+        for limit in &mut self.limits.rows {
+            self.control.add_row_limit(&state, limit.as_mut(), dt);
+        }
+        if let Some(support) = &mut self.limits.support {
+            if support.follows {
+                support.follow(|visit| self.control.visit_support(&state, visit));
+            }
+            self.control.add_row_limit(&state, &mut support.limit, dt);
         }
         self.output.begin_solve();
         let solved = self.control.solve();

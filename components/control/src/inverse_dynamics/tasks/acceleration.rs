@@ -32,6 +32,11 @@ impl AccelerationMinimum {
         self
     }
 
+    /// Changes the weight from the next update on.
+    pub fn set_weight(&mut self, weight: f64) {
+        self.weight = weight;
+    }
+
     /// Sets the factor of the weight of one acceleration; zero leaves it free.
     ///
     /// # Panics

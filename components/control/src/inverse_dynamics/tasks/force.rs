@@ -1,9 +1,10 @@
 //! Contact forces that are small, or follow a target.
 
+use motorium_robots::Model;
 use nalgebra::Vector3;
 
 use super::{AccelerationTask, Cost};
-use crate::inverse_dynamics::{InverseDynamics, MotionState};
+use crate::inverse_dynamics::{Contact, InverseDynamics, MotionState};
 
 /// Contact forces are small, which spreads the load evenly over the points of all contacts:
 ///
@@ -23,6 +24,12 @@ impl ForceRegularisation {
     pub fn new(dynamics: &InverseDynamics) -> Self {
         let first = dynamics.mass().nrows();
         Self { weight: 1e-3, cost: Cost::identity(first, dynamics.variables() - first) }
+    }
+
+    /// The same for an inverse dynamics of `model` with these contacts.
+    pub(crate) fn of(model: &Model, contacts: &[Contact]) -> Self {
+        let points: usize = contacts.iter().map(Contact::points).sum();
+        Self { weight: 1e-3, cost: Cost::identity(model.nv(), 3 * points) }
     }
 
     /// The same task with a weight \[1/N\].

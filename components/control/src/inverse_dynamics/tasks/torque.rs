@@ -3,7 +3,7 @@
 use motorium_robots::Model;
 
 use super::{AccelerationTask, Cost};
-use crate::inverse_dynamics::{InverseDynamics, MotionState};
+use crate::inverse_dynamics::{Contact, InverseDynamics, MotionState};
 
 /// Torques of the drives are small:
 ///
@@ -22,11 +22,21 @@ pub struct TorqueMinimum {
 impl TorqueMinimum {
     /// A task for all drives of `model`, the robot of `dynamics`, with weight 1.
     pub fn new(model: &Model, dynamics: &InverseDynamics) -> Self {
+        Self::with_variables(model, dynamics.variables())
+    }
+
+    /// The same for an inverse dynamics with these contacts.
+    pub(crate) fn of(model: &Model, contacts: &[Contact]) -> Self {
+        let points: usize = contacts.iter().map(Contact::points).sum();
+        Self::with_variables(model, model.nv() + 3 * points)
+    }
+
+    fn with_variables(model: &Model, variables: usize) -> Self {
         let share = |limit: &f64| if limit.is_finite() && *limit > 0.0 { 1.0 / limit } else { 1.0 };
         Self {
             weight: 1.0,
             scale: model.effort_limit().iter().map(share).collect(),
-            cost: Cost::dense(model.joint_count(), 0, dynamics.variables()),
+            cost: Cost::dense(model.joint_count(), 0, variables),
         }
     }
 
@@ -35,6 +45,11 @@ impl TorqueMinimum {
     pub fn weight(mut self, weight: f64) -> Self {
         self.weight = weight;
         self
+    }
+
+    /// Changes the weight from the next update on.
+    pub fn set_weight(&mut self, weight: f64) {
+        self.weight = weight;
     }
 }
 

@@ -1,10 +1,10 @@
 //! The wrench of a contact follows a target.
 
-use motorium_robots::Twist;
+use motorium_robots::{Model, Twist};
 use nalgebra::Matrix3;
 
 use super::{AccelerationTask, Cost};
-use crate::inverse_dynamics::{InverseDynamics, MotionState};
+use crate::inverse_dynamics::{Contact, InverseDynamics, MotionState};
 
 /// The force of one contact and its torque about the origin of the contact's frame follow a target, in world axes:
 ///
@@ -37,11 +37,23 @@ impl ContactWrench {
         Self { contact, force_weight: 1.0, torque_weight: 1.0, target: Twist::zero(), cost }
     }
 
+    /// The same for an inverse dynamics of `model` with these contacts.
+    pub(crate) fn of(model: &Model, contacts: &[Contact], contact: usize) -> Self {
+        let points: usize = contacts[..contact].iter().map(Contact::points).sum();
+        let cost = Cost::dense(6, model.nv() + 3 * points, 3 * contacts[contact].points());
+        Self { contact, force_weight: 1.0, torque_weight: 1.0, target: Twist::zero(), cost }
+    }
+
     /// The same task with weights of the force \[1/N\] and of the torque \[1/Nm\]; 0 leaves one free.
     #[must_use]
     pub fn weights(mut self, force: f64, torque: f64) -> Self {
         (self.force_weight, self.torque_weight) = (force, torque);
         self
+    }
+
+    /// Changes the weights from the next update on.
+    pub fn set_weights(&mut self, force: f64, torque: f64) {
+        (self.force_weight, self.torque_weight) = (force, torque);
     }
 
     /// Sets the target: force \[N\] as linear part, torque about the origin of the contact's frame \[Nm\] as angular part, world

@@ -13,8 +13,8 @@ use crate::solver::{Accuracy, Problem, Solution, SolveError};
 const SINGULAR: f64 = 1e-12;
 /// Wrong signs of multipliers up to this share of the largest are rounding.
 const SIGN: f64 = 1e-13;
-/// Wrong signs up to this share of the largest multiplier may be rounding where a constraint joins and leaves by turns.
-const NOISE: f64 = 1e-6;
+/// Wrong signs up to this share of the largest number may be rounding where a constraint joins and leaves by turns.
+const NOISE: f64 = 1e-9;
 /// Violation, as a share of one and of the value, that the minimum is refined for before it counts.
 const UNSURE: f64 = 1e-6;
 /// Violation, as a share of one and of the value, that may be rounding where the multipliers say so.
@@ -209,6 +209,7 @@ impl Run<'_> {
                 self.work.working.keep_multipliers();
                 violated = self.violated::<F>(by_number);
             }
+            self.work.size = largest(&self.work.x);
             // A small violation may be the error of an x that is not refined: it would join, and leave again, for ever.
             if violated
                 .as_ref()
@@ -263,7 +264,7 @@ impl Run<'_> {
         }
         let constraint = working.members[which].constraint;
         let at_once = self.work.newest == Some(constraint);
-        if at_once && self.work.bounced == Some(constraint) && worst >= -NOISE * largest {
+        if at_once && self.work.bounced == Some(constraint) && worst >= -NOISE * (largest + self.work.size) {
             working.members[which].stays = true;
             (self.work.newest, self.work.joined, self.work.tied) = (None, None, true);
             return true;

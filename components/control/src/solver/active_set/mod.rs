@@ -109,6 +109,8 @@ struct Work {
     /// The constraint that joined last, if no member left since; and the one that left last, if it had joined just before.
     newest: Option<usize>,
     bounced: Option<usize>,
+    /// Largest number of the last minimum.
+    size: f64,
     /// True if a constraint was left out as satisfied that `x` violates by more than the tolerance, within rounding.
     tied: bool,
     /// The members of the solve before.
@@ -138,6 +140,7 @@ impl ActiveSetSolver {
             joined: None,
             newest: None,
             bounced: None,
+            size: 0.0,
             tied: false,
             previous: Vec::with_capacity(n),
             iterations: 0,

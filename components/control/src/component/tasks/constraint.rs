@@ -1,0 +1,120 @@
+//! The constraint of `control.qp` that is made of a task.
+
+use motorium::prelude::*;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::{Formulations, HeldTask, TaskBounds, TaskConfig, TaskKind, TaskPlace};
+use crate::inverse_dynamics::tasks::AccelerationTask;
+use crate::tasks::Task;
+use crate::{GoalRecord, RobotState};
+
+/// A constraint made of a task: what the task asks for holds exactly, above all levels. Rows without a weight stay free; the sizes of
+/// the weights, and damping, do not count.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ConstraintConfig {
+    /// The task, a table with one key like those of `tasks`; its `level` does not count.
+    pub task: Box<TaskConfig>,
+}
+
+impl ConstraintConfig {
+    fn inner(&self) -> &dyn TaskKind {
+        self.task.kind().1
+    }
+
+    fn place<'a>(&self, place: &TaskPlace<'a>) -> TaskPlace<'a> {
+        place.within(&format!("task.{}", self.task.kind().0))
+    }
+}
+
+impl TaskKind for ConstraintConfig {
+    fn name(&self) -> &str {
+        self.inner().name()
+    }
+
+    fn level(&self) -> u32 {
+        self.inner().level()
+    }
+
+    fn target(&self) -> Option<&str> {
+        self.inner().target()
+    }
+
+    fn wrench(&self) -> Option<&str> {
+        self.inner().wrench()
+    }
+
+    fn formulations(&self) -> Formulations {
+        self.inner().formulations()
+    }
+
+    fn is_constraint(&self) -> bool {
+        true
+    }
+
+    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+        if let TaskConfig::Constraint(_) | TaskConfig::Limit(_) = *self.task {
+            let (key, _) = self.task.kind();
+            return Err(ConfigError::key(
+                place.key("task"),
+                format!("`{key}` is no task that can hold exactly"),
+            )
+            .advise("name a task, such as task = { cartesian = {} }"));
+        }
+        self.inner().declare(&self.place(place), declare)
+    }
+
+    fn configure(
+        &self,
+        place: &TaskPlace<'_>,
+        setup: &mut Setup,
+    ) -> Result<Box<dyn HeldTask>, ConfigureError> {
+        Ok(Box::new(Constraint(self.inner().configure(&self.place(place), setup)?)))
+    }
+}
+
+/// A task that holds exactly.
+struct Constraint(Box<dyn HeldTask>);
+
+impl HeldTask for Constraint {
+    fn begin(&mut self, start: &RobotState<'_>) {
+        self.0.begin(start);
+    }
+
+    fn reset(&mut self) {
+        self.0.reset();
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        self.0.prepare(bounds);
+    }
+
+    fn task(&mut self) -> Option<&mut dyn Task> {
+        self.0.task()
+    }
+
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        self.0.acceleration()
+    }
+
+    fn is_constraint(&self) -> bool {
+        true
+    }
+
+    fn solved(&mut self, velocity: &[f64]) {
+        self.0.solved(velocity);
+    }
+
+    fn record(&mut self, measured: &RobotState<'_>, dt: f64) {
+        self.0.record(measured, dt);
+    }
+
+    fn goals(&self) -> Option<&GoalRecord> {
+        self.0.goals()
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        self.0.result()
+    }
+}

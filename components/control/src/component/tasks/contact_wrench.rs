@@ -1,0 +1,137 @@
+//! The contact wrench task of `control.qp`.
+
+use motorium::prelude::*;
+use motorium_robots::Twist;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::{Formulations, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use crate::RobotState;
+use crate::inverse_dynamics::tasks::{AccelerationTask, ContactWrench};
+use crate::tasks::Task;
+
+/// A contact wrench task: force and torque of a contact follow a target; with `inverse_dynamics`.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ContactWrenchConfig {
+    /// Name of the task, with which the names of its parameters begin. Default "contact_wrench".
+    pub name: String,
+    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    pub level: u32,
+    /// Name of the contact, of those of `inverse_dynamics`.
+    pub contact: String,
+    /// Name of the input port of its target: what the world exerts on the robot, in the axes of the world, about the origin of the
+    /// contact's frame. Without a target, `force` and `torque` count. Default "wrench_target".
+    pub target: String,
+    /// Force without a target, axes of the world, N. Default [0, 0, 0].
+    pub force: [f64; 3],
+    /// Torque without a target, axes of the world, Nm. Default [0, 0, 0].
+    pub torque: [f64; 3],
+    /// Cost of a force error, 1/N, 0 to 1000. Default 1e-2.
+    pub force_weight: f64,
+    /// Cost of a torque error, 1/Nm, 0 to 1000. Default 1e-2.
+    pub torque_weight: f64,
+}
+
+impl Default for ContactWrenchConfig {
+    fn default() -> Self {
+        Self {
+            name: "contact_wrench".to_owned(),
+            level: 1,
+            contact: String::new(),
+            target: "wrench_target".to_owned(),
+            force: [0.0; 3],
+            torque: [0.0; 3],
+            force_weight: 1e-2,
+            torque_weight: 1e-2,
+        }
+    }
+}
+
+impl ContactWrenchConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<ContactWrench, ConfigError> {
+        let Some(contact) = place.contacts.iter().position(|contact| contact.name == self.contact) else {
+            let names: Vec<_> = place.contacts.iter().map(|contact| contact.name.as_str()).collect();
+            let message = format!("there is no contact `{}`", self.contact);
+            return Err(ConfigError::key(place.key("contact"), message).advise(match names.is_empty() {
+                true => "add `contacts` to `inverse_dynamics`".to_owned(),
+                false => format!("the contacts are {}", names.join(", ")),
+            }));
+        };
+        for value in self.force.iter().chain(&self.torque) {
+            place.in_range("force", *value, f64::MIN..=f64::MAX)?;
+        }
+        let force = place.in_range("force_weight", self.force_weight, WEIGHTS)?;
+        let torque = place.in_range("torque_weight", self.torque_weight, WEIGHTS)?;
+        let mut task = ContactWrench::of(place.model, place.contacts, contact).weights(force, torque);
+        task.set_target(Twist { linear: self.force.into(), angular: self.torque.into() });
+        Ok(task)
+    }
+}
+
+impl TaskKind for ContactWrenchConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn level(&self) -> u32 {
+        self.level
+    }
+
+    fn target(&self) -> Option<&str> {
+        Some(&self.target)
+    }
+
+    fn formulations(&self) -> Formulations {
+        Formulations::Torque
+    }
+
+    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+        self.build(place)?;
+        let doc = "force and torque of the contact on the robot, in the axes of the world";
+        declare.optional_input::<Wrench>(&self.target, doc);
+        let name = |parameter: &str| format!("{}_{parameter}", self.name);
+        declare.float(&name("force_weight"), self.force_weight, WEIGHTS, "1/N", "cost of a force error");
+        declare.float(&name("torque_weight"), self.torque_weight, WEIGHTS, "1/Nm", "cost of a torque error");
+        Ok(())
+    }
+
+    fn configure(
+        &self,
+        place: &TaskPlace<'_>,
+        setup: &mut Setup,
+    ) -> Result<Box<dyn HeldTask>, ConfigureError> {
+        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        let weights = [parameter("force_weight")?, parameter("torque_weight")?];
+        Ok(Box::new(HeldWrench { task: self.build(place)?, input: setup.input(&self.target)?, weights }))
+    }
+}
+
+/// A contact whose wrench follows an input.
+struct HeldWrench {
+    task: ContactWrench,
+    input: Input<Wrench>,
+    weights: [Parameter<f64>; 2],
+}
+
+impl HeldTask for HeldWrench {
+    fn begin(&mut self, _: &RobotState<'_>) {}
+
+    fn reset(&mut self) {}
+
+    fn prepare(&mut self, _: &TaskBounds) {
+        let [force, torque] = self.weights.each_ref().map(Parameter::get);
+        self.task.set_weights(force, torque);
+        if let Some(target) = self.input.latest() {
+            self.task.set_target(Twist { linear: target.force.into(), angular: target.torque.into() });
+        }
+    }
+
+    fn task(&mut self) -> Option<&mut dyn Task> {
+        None
+    }
+
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        Some(&mut self.task)
+    }
+}

@@ -1,0 +1,105 @@
+//! The task of `control.qp` that is made of limits.
+
+use motorium::prelude::*;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::{Formulations, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use crate::RobotState;
+use crate::component::{collision_limits::CollisionConfig, frame_limits::FrameLimitConfig};
+use crate::limits::RowLimit;
+use crate::tasks::Task;
+
+/// A task made of limits: they give way where the tasks of smaller levels, or of their own, ask for more.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct LimitConfig {
+    /// Name of the task, with which the names of its parameters begin. Default "limit".
+    pub name: String,
+    /// Level of the task, 1 to 8. Default 1.
+    pub level: u32,
+    /// Cost of a velocity beyond a limit, 1/(m/s) or 1/(rad/s), more than 0, at most 1000. Default 10.
+    pub weight: f64,
+    /// Boxes and speeds of frames, as in `limits.frames`.
+    pub frames: Vec<FrameLimitConfig>,
+    /// Distances between links, as in `limits.collision`.
+    pub collision: Option<CollisionConfig>,
+}
+
+impl Default for LimitConfig {
+    fn default() -> Self {
+        Self { name: "limit".to_owned(), level: 1, weight: 10.0, frames: Vec::new(), collision: None }
+    }
+}
+
+impl LimitConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<Vec<Box<dyn RowLimit>>, ConfigError> {
+        let mut limits = Vec::new();
+        for (index, frame) in self.frames.iter().enumerate() {
+            let path = place.key(&format!("frames[{index}]"));
+            frame.build(&path, place.model, place.profile, &mut limits)?;
+        }
+        if let Some(collision) = &self.collision {
+            limits.push(Box::new(collision.build(&place.key("collision"), place.model, place.profile)?));
+        }
+        if limits.is_empty() {
+            return Err(ConfigError::key(&place.path, "a task without a limit")
+                .advise("add `frames` or `collision`, as under `limits`"));
+        }
+        Ok(limits)
+    }
+}
+
+impl TaskKind for LimitConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn level(&self) -> u32 {
+        self.level
+    }
+
+    fn formulations(&self) -> Formulations {
+        Formulations::Velocity
+    }
+
+    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+        self.build(place)?;
+        place.in_range("weight", self.weight, 1e-6..=*WEIGHTS.end())?;
+        let (name, doc) = (format!("{}_weight", self.name), "cost of a velocity beyond a limit");
+        declare.float(&name, self.weight, 1e-6..=*WEIGHTS.end(), "1/(m/s)", doc);
+        Ok(())
+    }
+
+    fn configure(
+        &self,
+        place: &TaskPlace<'_>,
+        setup: &mut Setup,
+    ) -> Result<Box<dyn HeldTask>, ConfigureError> {
+        let weight = setup.parameter(&format!("{}_weight", self.name))?;
+        Ok(Box::new(SoftLimits { limits: self.build(place)?, weight }))
+    }
+}
+
+/// Limits that give way.
+struct SoftLimits {
+    limits: Vec<Box<dyn RowLimit>>,
+    weight: Parameter<f64>,
+}
+
+impl HeldTask for SoftLimits {
+    fn begin(&mut self, _: &RobotState<'_>) {}
+
+    fn reset(&mut self) {}
+
+    fn prepare(&mut self, _: &TaskBounds) {}
+
+    fn task(&mut self) -> Option<&mut dyn Task> {
+        None
+    }
+
+    fn limits(&mut self) -> Option<(&mut [Box<dyn RowLimit>], f64)> {
+        let weight = self.weight.get();
+        Some((&mut self.limits, weight))
+    }
+}

@@ -1,0 +1,109 @@
+//! The manipulability task of `control.qp`.
+
+use motorium::prelude::*;
+use motorium_robots::TaskRows;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::held::OnVelocities;
+use super::{Formulations, HeldTask, TaskKind, TaskPlace, WEIGHTS};
+use crate::tasks::{ManipulabilityTask, Measure};
+
+/// A manipulability task: the joints move to where a frame is moved, or exerts forces, more easily.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ManipulabilityConfig {
+    /// Name of the task, with which the names of its parameters begin. Default "manipulability".
+    pub name: String,
+    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    pub level: u32,
+    /// Link whose frame counts. Default: that of the robot's only end effector.
+    pub frame: Option<String>,
+    /// Motions of the frame that count. Default "position".
+    pub rows: ManipulabilityRows,
+    /// The measure that grows. Default "velocity".
+    pub of: Measure,
+    /// Speed per slope of the measure, (rad/s)^2, 0 to 1000. Default 1.
+    pub gain: f64,
+    /// Cost of a joint velocity error, 1/(rad/s), 0 to 1000. Default 1e-2.
+    pub weight: f64,
+    /// Largest speed of the joints together that it asks for, rad/s. Default 0.5.
+    pub max_speed: f64,
+}
+
+/// Motions of a frame that count for its manipulability.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ManipulabilityRows {
+    /// The velocity of its origin.
+    Position,
+    /// Its angular velocity.
+    Orientation,
+    /// Both; metres and radians are weighed alike.
+    Pose,
+}
+
+impl Default for ManipulabilityConfig {
+    fn default() -> Self {
+        Self {
+            name: "manipulability".to_owned(),
+            level: 1,
+            frame: None,
+            rows: ManipulabilityRows::Position,
+            of: Measure::Velocity,
+            gain: 1.0,
+            weight: 1e-2,
+            max_speed: 0.5,
+        }
+    }
+}
+
+impl ManipulabilityConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<ManipulabilityTask, ConfigError> {
+        let frame = place.frame("manipulability", self.frame.as_deref())?;
+        let rows = match self.rows {
+            ManipulabilityRows::Position => TaskRows::POSITION,
+            ManipulabilityRows::Orientation => TaskRows::ORIENTATION,
+            ManipulabilityRows::Pose => TaskRows::POSE,
+        };
+        let gain = place.in_range("gain", self.gain, WEIGHTS)?;
+        let weight = place.in_range("weight", self.weight, WEIGHTS)?;
+        let speed = place.in_range("max_speed", self.max_speed, 1e-6..=f64::MAX)?;
+        Ok(ManipulabilityTask::new(place.model, frame, rows).of(self.of).with(gain, weight).max_speed(speed))
+    }
+}
+
+impl TaskKind for ManipulabilityConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn level(&self) -> u32 {
+        self.level
+    }
+
+    fn formulations(&self) -> Formulations {
+        Formulations::Velocity
+    }
+
+    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+        self.build(place)?;
+        let name = |parameter: &str| format!("{}_{parameter}", self.name);
+        declare.float(&name("gain"), self.gain, WEIGHTS, "(rad/s)^2", "speed per slope of the measure");
+        declare.float(&name("weight"), self.weight, WEIGHTS, "1/(rad/s)", "cost of a joint velocity error");
+        Ok(())
+    }
+
+    fn configure(
+        &self,
+        place: &TaskPlace<'_>,
+        setup: &mut Setup,
+    ) -> Result<Box<dyn HeldTask>, ConfigureError> {
+        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        Ok(Box::new(OnVelocities {
+            task: self.build(place)?,
+            parameters: [parameter("gain")?, parameter("weight")?],
+            apply: |task, [gain, weight]| task.set(gain, weight),
+        }))
+    }
+}

@@ -1,0 +1,139 @@
+//! The rigid rotation task of `control.qp`.
+
+use motorium::prelude::*;
+use motorium::state::TwistTarget;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::{Formulations, GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use crate::RobotState;
+use crate::tasks::{RigidRotationTask, Task};
+
+/// A rigid rotation task: a steered wheel turns until it rolls along the way on which its base carries it.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct RigidRotationConfig {
+    /// Name of the task, with which the names of its parameters begin. Default "rigid_rotation".
+    pub name: String,
+    /// Level of the task, 1 to 8: it decides only what the tasks of smaller numbers leave open. Default 1.
+    pub level: u32,
+    /// Link of the wheel: the origin of its frame is the centre of the wheel.
+    pub frame: String,
+    /// Link of the base, in whose axes the target is given.
+    pub base: String,
+    /// Axis of the wheel, in the axes of its frame. Default [0, 1, 0].
+    pub axis: [f64; 3],
+    /// Normal of the ground, in the axes of the world. Default [0, 0, 1].
+    pub normal: [f64; 3],
+    /// Name of the input port of the velocity of the base: `linear` x and y and `angular` z, in the axes of `base`. Without a target,
+    /// or with one older than `target_timeout`, the wheel is asked for nothing. Default "base_target".
+    pub target: String,
+    /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
+    pub gain: f64,
+    /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 1.
+    pub weight: f64,
+}
+
+impl Default for RigidRotationConfig {
+    fn default() -> Self {
+        Self {
+            name: "rigid_rotation".to_owned(),
+            level: 1,
+            frame: String::new(),
+            base: String::new(),
+            axis: [0.0, 1.0, 0.0],
+            normal: [0.0, 0.0, 1.0],
+            target: "base_target".to_owned(),
+            gain: 10.0,
+            weight: 1.0,
+        }
+    }
+}
+
+impl RigidRotationConfig {
+    fn build(&self, place: &TaskPlace<'_>) -> Result<RigidRotationTask, ConfigError> {
+        let (wheel, base) =
+            (place.named_frame("frame", &self.frame)?, place.named_frame("base", &self.base)?);
+        let (axis, normal) = (place.axis("axis", self.axis)?, place.axis("normal", self.normal)?);
+        let gain = place.in_range("gain", self.gain, GAINS)?;
+        let weight = place.in_range("weight", self.weight, WEIGHTS)?;
+        Ok(RigidRotationTask::new(place.model, wheel, base, axis).on(normal).with(gain, weight))
+    }
+}
+
+impl TaskKind for RigidRotationConfig {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn level(&self) -> u32 {
+        self.level
+    }
+
+    fn target(&self) -> Option<&str> {
+        Some(&self.target)
+    }
+
+    fn formulations(&self) -> Formulations {
+        Formulations::Velocity
+    }
+
+    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+        self.build(place)?;
+        let doc = "velocity of the base: linear x and y, angular z, in its own axes";
+        declare.optional_input::<TwistTarget>(&self.target, doc);
+        let name = |parameter: &str| format!("{}_{parameter}", self.name);
+        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
+        let doc = "cost of an angular velocity error";
+        declare.float(&name("weight"), self.weight, WEIGHTS, "1/(rad/s)", doc);
+        Ok(())
+    }
+
+    fn configure(
+        &self,
+        place: &TaskPlace<'_>,
+        setup: &mut Setup,
+    ) -> Result<Box<dyn HeldTask>, ConfigureError> {
+        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        let (gain, weight) = (parameter("gain")?, parameter("weight")?);
+        let (task, input) = (self.build(place)?, setup.input(&self.target)?);
+        Ok(Box::new(RigidRotation { task, input, gain, weight, error: 0.0 }))
+    }
+}
+
+/// A wheel that points along the way of its base.
+struct RigidRotation {
+    task: RigidRotationTask,
+    input: Input<TwistTarget>,
+    gain: Parameter<f64>,
+    weight: Parameter<f64>,
+    error: f64,
+}
+
+impl HeldTask for RigidRotation {
+    fn begin(&mut self, _: &RobotState<'_>) {}
+
+    fn reset(&mut self) {
+        self.error = 0.0;
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        self.task.set(self.gain.get().min(bounds.max_gain), self.weight.get());
+        let fresh = self.input.latest().filter(|target| target.age_ns() <= bounds.target_timeout_ns);
+        let [x, y, yaw] =
+            fresh.map_or([0.0; 3], |target| [target.linear[0], target.linear[1], target.angular[2]]);
+        self.task.set_twist(x, y, yaw);
+    }
+
+    fn task(&mut self) -> Option<&mut dyn Task> {
+        Some(&mut self.task)
+    }
+
+    fn record(&mut self, _: &RobotState<'_>, _: f64) {
+        self.error = self.task.error();
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        Some(serde_json::json!({ "last_error_rad": self.error }))
+    }
+}

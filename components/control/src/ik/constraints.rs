@@ -1,0 +1,147 @@
+//! Constraints of one tick: contacts that are held, tasks that hold exactly, limits, and limits that may give way.
+
+use super::DifferentialIk;
+use crate::{
+    RobotState,
+    levels::Level,
+    limits::{Limit, LimitRows, RowLimit},
+    solver::QpSolver,
+    tasks::{ContactTask, Task},
+};
+
+impl<S: QpSolver> DifferentialIk<S> {
+    /// Updates `contact` at `state` and holds its frame still, above all levels; its weight does not count.
+    ///
+    /// # Panics
+    /// If the solver was built for fewer rows than the contacts have together.
+    pub fn hold(&mut self, state: &RobotState<'_>, contact: &mut ContactTask) {
+        contact.update(state);
+        let (first, count) = (self.next_equality, contact.rows());
+        let held = self.problem.equality_value.len();
+        assert!(first + count <= held, "contacts with more rows than the solver was built for");
+        for (to, from) in (self.problem.equality_matrix.as_mut_slice().chunks_exact_mut(held))
+            .zip(contact.cost().matrix().as_slice().chunks_exact(6))
+        {
+            to[first..first + count].copy_from_slice(&from[..count]);
+        }
+        if let Some(below) = &mut self.below {
+            for row in 0..count {
+                let entries = contact.cost().matrix().row(row);
+                below.first.push(0.0).iter_mut().zip(entries.iter()).for_each(|(to, from)| *to = *from);
+            }
+        }
+        self.next_equality += count;
+    }
+
+    /// Updates `task` at `state` and makes it a constraint above all levels: `A v = b` holds exactly for the rows that have a weight.
+    /// A task that no velocity within the limits fulfils leaves the tick without a solution.
+    ///
+    /// ```
+    /// use motorium_control::{DifferentialIk, IkRows, IkSettings, RobotState, tasks::{CartesianTask, PostureTask, Task}};
+    /// use motorium_robots::{Kinematics, load};
+    ///
+    /// let panda = load("panda", std::path::Path::new("."))?;
+    /// let (model, home) = (&panda.model, panda.profile.unwrap().home(&panda.model)?);
+    /// let mut kinematics = Kinematics::new(model);
+    /// kinematics.update(model, home.as_slice());
+    /// let mut hand = CartesianTask::new(model, model.frame("panda_hand_tcp")?);
+    /// hand.set_target(kinematics.pose(model, hand.frame()));
+    /// let mut posture = PostureTask::new(model, &vec![0.1; model.nv()]);
+    ///
+    /// let rows = IkRows { held: hand.rows(), ..IkRows::default() };
+    /// let mut ik = DifferentialIk::with_room(model, rows, IkSettings::default());
+    /// let state = RobotState { model, kinematics: &kinematics, q: home.as_slice() };
+    /// ik.begin();
+    /// ik.constrain(&state, &mut hand);
+    /// ik.add_task(&state, 0, &mut posture);
+    /// let velocity = nalgebra::DVector::from_column_slice(ik.solve()?);
+    /// assert!((hand.jacobian() * velocity).norm() < 1e-12, "the hand stays where it is");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Panics
+    /// If the solver was built for fewer rows than contacts and constraints have together.
+    pub fn constrain(&mut self, state: &RobotState<'_>, task: &mut dyn Task) {
+        task.update(state);
+        self.constrained.clear();
+        task.write_rows(&mut self.constrained);
+        let first = self.next_equality;
+        self.next_equality += task.rows();
+        let held = self.problem.equality_value.len();
+        assert!(self.next_equality <= held, "constraints with more rows than the solver was built for");
+        for (row, (entries, desired)) in self.constrained.iter().enumerate() {
+            self.problem.equality_value[first + row] = desired;
+            for (column, entry) in entries.iter().enumerate() {
+                self.problem.equality_matrix[(first + row, column)] = *entry;
+            }
+            if let Some(below) = &mut self.below {
+                below.first.push(0.0).copy_from_slice(entries);
+            }
+        }
+    }
+
+    /// Adds the rows of `limit` for a tick of `dt` seconds as a task of a level: where the tasks above it, or of its own level, want
+    /// more, the limit gives way by `s`, and `1/2 weight^2 |s|^2` is part of the level's cost.
+    ///
+    /// # Panics
+    /// If there is no such level, or the solver was built for fewer soft rows than the limits have together.
+    pub fn add_soft_limit(
+        &mut self,
+        state: &RobotState<'_>,
+        level: usize,
+        limit: &mut dyn RowLimit,
+        weight: f64,
+        dt: f64,
+    ) {
+        let (first, count) = (self.next_row, limit.rows());
+        self.add_row_limit(state, limit, dt);
+        let slack = self.next_slack;
+        self.next_slack += count;
+        assert!(
+            self.next_slack <= self.velocity.len(),
+            "soft limits with more rows than the solver was built for"
+        );
+        for place in 0..count {
+            let variable = slack + place;
+            self.problem.row_matrix[(first + place, variable)] = 1.0;
+            let (cost, rows) = match (&mut self.below, level) {
+                (None, 0) => (&mut self.problem, None),
+                (Some(below), 0) => (&mut self.problem, Some(&mut below.first)),
+                (Some(below), level) => {
+                    let Level { cost, rows } = &mut below.levels[level - 1];
+                    (cost, Some(rows))
+                }
+                (None, level) => panic!("level {level} of an inverse kinematics that has only the first"),
+            };
+            cost.hessian[(variable, variable)] += weight * weight;
+            if let Some(rows) = rows {
+                rows.push(0.0)[variable] = weight;
+            }
+        }
+    }
+
+    /// Amounts by which the soft limits gave way in the last [`solve`](Self::solve), a number for each of their rows, in the order
+    /// that they were added \[m/s or rad/s\].
+    pub fn slack(&self) -> &[f64] {
+        &self.velocity[self.motions..]
+    }
+
+    /// Intersects the bounds with those of `limit` for a tick of `dt` seconds.
+    pub fn add_limit(&mut self, state: &RobotState<'_>, limit: &dyn Limit, dt: f64) {
+        limit.intersect(state, dt, &mut self.problem);
+    }
+
+    /// Adds the rows of `limit` for a tick of `dt` seconds.
+    ///
+    /// # Panics
+    /// If the solver was built for fewer rows than the limits have together.
+    pub fn add_row_limit(&mut self, state: &RobotState<'_>, limit: &mut dyn RowLimit, dt: f64) {
+        let (first, count) = (self.next_row, limit.rows());
+        assert!(
+            first + count <= self.problem.row_lower.len(),
+            "limits with more rows than the solver was built for"
+        );
+        limit.write(state, dt, &mut LimitRows::new(&mut self.problem, first, count));
+        self.next_row += count;
+    }
+}

@@ -1,0 +1,138 @@
+//! A level below the first, where friction is a cone.
+
+use nalgebra::DVector;
+
+use super::contact::ContactPlace;
+use super::names::Order;
+use super::solver::{friction_cones, set_friction};
+use crate::ik::IkError;
+use crate::levels::{Freedom, Level, LevelSolver};
+use crate::solver::{ClarabelSettings, ClarabelSolver, Problem, QpSolver, Sides, Structure};
+
+/// The solver of a level below the first: active-set within friction pyramids, Clarabel within cones.
+#[derive(Debug)]
+pub(super) enum BelowSolver {
+    Pyramids(Box<LevelSolver>),
+    Cones(Box<ConeLevel>),
+}
+
+impl BelowSolver {
+    pub(super) fn new(order: &Order, structure: &Structure, cones: bool) -> Self {
+        match cones {
+            false => Self::Pyramids(Box::new(LevelSolver::new(order.variables(), order.rows()))),
+            true => Self::Cones(Box::new(ConeLevel::new(order, structure))),
+        }
+    }
+
+    /// Adds to `x` the motion that is best for the level, within the limits and the friction of the contacts.
+    pub(super) fn solve(
+        &mut self,
+        level: &mut Level,
+        freedom: &Freedom,
+        limits: &Problem,
+        contacts: &[ContactPlace],
+        x: &mut [f64],
+    ) -> Result<(), IkError> {
+        match self {
+            Self::Pyramids(solver) => solver.solve(level, freedom, limits, x),
+            Self::Cones(solver) => solver.solve(level, freedom, limits, contacts, x),
+        }
+    }
+
+    pub(super) fn reset(&mut self) {
+        match self {
+            Self::Pyramids(solver) => solver.reset(),
+            Self::Cones(solver) => solver.solver.reset(),
+        }
+    }
+}
+
+/// A level in the unknowns `(x, z)`, since a cone holds for unknowns and not for combinations of them:
+///
+/// ```text
+/// minimise   1/4 x'Px + 1/2 q'x + 1/4 z'(Z'PZ)z + 1/2 (Z'(P x* + q))'z
+/// subject to x - Z z = x*                         x*: decided above; Z: basis of the motions that are open
+///            limits, rows and friction cones of x
+/// ```
+///
+/// The cost stands in both by a half, so that both are scaled by it.
+#[derive(Debug)]
+pub(super) struct ConeLevel {
+    problem: Problem,
+    solver: ClarabelSolver,
+    /// `P` times a column of `Z`, and `P x + q`.
+    product: DVector<f64>,
+    slope: DVector<f64>,
+}
+
+impl ConeLevel {
+    fn new(order: &Order, structure: &Structure) -> Self {
+        let n = order.variables();
+        let mut wide = Structure::new(2 * n).equalities(n);
+        for sides in structure.row_sides() {
+            wide = wide.rows(1, *sides);
+        }
+        for (variable, sides) in structure.bound_sides().iter().enumerate() {
+            if *sides != Sides::Neither {
+                wide = wide.bound(variable, *sides);
+            }
+        }
+        let mut problem = Problem::new(&wide);
+        problem.equality_matrix.view_mut((0, 0), (n, n)).fill_with_identity();
+        let solver = ClarabelSolver::with_cones(wide, friction_cones(order), ClarabelSettings::default());
+        Self { problem, solver, product: DVector::zeros(n), slope: DVector::zeros(n) }
+    }
+
+    fn solve(
+        &mut self,
+        level: &mut Level,
+        freedom: &Freedom,
+        limits: &Problem,
+        contacts: &[ContactPlace],
+        x: &mut [f64],
+    ) -> Result<(), IkError> {
+        let (n, open) = (x.len(), freedom.count());
+        if open == 0 {
+            return Ok(());
+        }
+        let problem = &mut self.problem;
+        let cost = &mut level.cost;
+        cost.hessian.fill_lower_triangle_with_upper_triangle();
+        problem.hessian.fill(0.0);
+        problem.hessian.view_mut((0, 0), (n, n)).zip_apply(&cost.hessian, |to, from| *to = 0.5 * from);
+        problem.gradient.fill(0.0);
+        problem.gradient.rows_mut(0, n).axpy(0.5, &cost.gradient, 0.0);
+        self.slope.copy_from(&cost.gradient);
+        for (column, x) in cost.hessian.column_iter().zip(&*x) {
+            self.slope.axpy(*x, &column, 1.0);
+        }
+        let basis = freedom.basis();
+        for (j, direction) in basis.column_iter().enumerate() {
+            problem
+                .equality_matrix
+                .view_mut((0, n + j), (n, 1))
+                .zip_apply(&direction, |to, from| *to = -from);
+            if j >= open {
+                // what is not open has no direction, and a cost of its own
+                problem.hessian[(n + j, n + j)] = 1.0;
+                continue;
+            }
+            self.product.gemv(0.5, &cost.hessian, &direction, 0.0);
+            for (i, other) in basis.columns(0, j + 1).column_iter().enumerate() {
+                problem.hessian[(n + i, n + j)] = other.dot(&self.product);
+            }
+            problem.gradient[n + j] = 0.5 * direction.dot(&self.slope);
+        }
+        problem.equality_value.as_mut_slice().copy_from_slice(x);
+        problem.row_matrix.columns_mut(0, n).copy_from(&limits.row_matrix);
+        problem.row_lower.copy_from(&limits.row_lower);
+        problem.row_upper.copy_from(&limits.row_upper);
+        problem.lower.rows_mut(0, n).copy_from(&limits.lower);
+        problem.upper.rows_mut(0, n).copy_from(&limits.upper);
+        set_friction(&mut self.solver, contacts);
+        self.solver.update(problem)?;
+        let found = self.solver.solve()?;
+        x.copy_from_slice(&found.x.as_slice()[..n]);
+        Ok(())
+    }
+}

@@ -1,0 +1,197 @@
+//! Constraints of a tick besides those of physics: limits of velocities at the level of accelerations, and tasks that hold exactly.
+
+use motorium_robots::{Kinematics, Model};
+use nalgebra::Vector3;
+
+use super::control::InverseDynamics;
+use super::tasks::AccelerationTask;
+use super::{MotionState, WrenchCone};
+use crate::RobotState;
+use crate::limits::{LimitRows, RowLimit};
+
+/// Numbers of rows that an [`InverseDynamics`] has room for besides contacts, torques and joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DynamicsRows {
+    /// Rows of tasks that are constraints.
+    pub constrained: usize,
+    /// Rows of limits.
+    pub limits: usize,
+}
+
+/// The robot one tick ahead, at its present velocity.
+#[derive(Debug)]
+pub(super) struct Predicted {
+    kinematics: Kinematics,
+    q: Vec<f64>,
+    step: Vec<f64>,
+    /// True if it was computed in this tick.
+    pub(super) ready: bool,
+}
+
+impl Predicted {
+    pub(super) fn new(model: &Model) -> Self {
+        Self {
+            kinematics: Kinematics::new(model),
+            q: model.neutral(),
+            step: vec![0.0; model.nv()],
+            ready: false,
+        }
+    }
+}
+
+impl InverseDynamics {
+    /// Adds the rows of `limit`, which bound velocities by `lower(q) <= G(q) v <= upper(q)`, as bounds of the accelerations of a tick
+    /// of `dt` seconds.
+    ///
+    /// It is the control-barrier form of second order. A limit of a distance `h` asks for `h' >= -rate h`, and so defines a second
+    /// barrier `e = upper - G v`, which may shrink no faster than `barrier_rate` e. In discrete time, with the robot `q' = q + v dt` of
+    /// the next tick,
+    ///
+    /// ```text
+    /// e = upper(q') - G(q') v
+    /// G(q') a <= min(barrier_rate, 1/dt) e     if e >= 0
+    /// G(q') a <= e / dt                        else: back within the tick
+    /// ```
+    ///
+    /// so that `e >= 0` and with it `h >= 0` hold from every state in which they do, up to `a dt^2 / 2`. (Nguyen and Sreenath,
+    /// *Exponential control barrier functions for enforcing high relative-degree safety-critical constraints*, 2016.) Where torques or
+    /// contacts do not allow it, limits give way as those of the joints do.
+    ///
+    /// ```
+    /// use motorium_control::inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState};
+    /// use motorium_control::inverse_dynamics::tasks::{Feedback, PostureAcceleration};
+    /// use motorium_control::limits::{CartesianVelocityLimit, RowLimit};
+    /// use motorium_robots::{Kinematics, load};
+    ///
+    /// let panda = load("panda", std::path::Path::new("."))?;
+    /// let (model, home) = (&panda.model, panda.profile.unwrap().home(&panda.model)?);
+    /// let hand = model.frame("panda_hand_tcp")?;
+    /// let (q, v) = (home.as_slice(), vec![0.0; model.nv()]);
+    /// let mut kinematics = Kinematics::new(model);
+    /// kinematics.update_with_velocity(model, q, &v);
+    /// let state = MotionState { model, kinematics: &kinematics, q, v: &v };
+    /// let mut slow = CartesianVelocityLimit::new(model, hand, 0.1, f64::INFINITY);
+    /// let mut far = PostureAcceleration::new(model, &vec![1.0; model.nv()], Feedback::critical(20.0));
+    ///
+    /// let rows = DynamicsRows { limits: slow.rows(), ..DynamicsRows::default() };
+    /// let mut control = InverseDynamics::with_room(model, Vec::new(), InverseDynamicsSettings::default(), rows);
+    /// control.begin(&state, 1e-3);
+    /// control.add_task(&state, 0, &mut far);
+    /// control.add_row_limit(&state, &mut slow, 1e-3);
+    /// let mut jacobian = nalgebra::Matrix6xX::zeros(model.nv());
+    /// kinematics.jacobian(model, hand, motorium_robots::Reference::LocalWorldAligned, &mut jacobian);
+    /// let acceleration = &control.solve()?.acceleration;
+    /// // 100 / s of 0.1 m/s
+    /// assert!((jacobian * acceleration).fixed_rows::<3>(0).amax() < 10.0 + 1e-6);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Panics
+    /// If there is no room for the rows of the limit.
+    pub fn add_row_limit(&mut self, state: &MotionState<'_>, limit: &mut dyn RowLimit, dt: f64) {
+        let MotionState { model, q, v, .. } = *state;
+        let Self { predicted, problem, order, next_limit, settings, .. } = self;
+        let predicted = predicted.as_mut().expect("an inverse dynamics with room for limits");
+        if !predicted.ready {
+            for (step, v) in predicted.step.iter_mut().zip(v) {
+                *step = v * dt;
+            }
+            model.integrate(q, &predicted.step, &mut predicted.q);
+            predicted.kinematics.update(model, &predicted.q);
+            predicted.ready = true;
+        }
+        let count = limit.rows();
+        assert!(*next_limit + count <= order.limits, "limits with more rows than there is room for");
+        let first = order.first_limit() + *next_limit;
+        *next_limit += count;
+        let ahead = RobotState { model, kinematics: &predicted.kinematics, q: &predicted.q };
+        limit.write(&ahead, dt, &mut LimitRows::new(problem, first, count));
+        let rate = settings.barrier_rate.min(dt.recip());
+        let shrink = |room: f64| if room >= 0.0 { rate * room } else { room / dt };
+        for row in first..first + count {
+            let moving: f64 = v.iter().enumerate().map(|(j, v)| problem.row_matrix[(row, j)] * v).sum();
+            problem.row_upper[row] = shrink(problem.row_upper[row] - moving);
+            problem.row_lower[row] = -shrink(moving - problem.row_lower[row]);
+        }
+    }
+
+    /// Updates `task` at `state` and makes it a constraint above all levels: `A x = b` holds exactly for the rows that have a weight.
+    /// Where constraints conflict it gives way as contacts at rest do.
+    ///
+    /// # Panics
+    /// If there is no room for the rows of the task.
+    pub fn constrain(&mut self, state: &MotionState<'_>, task: &mut dyn AccelerationTask) {
+        task.update(state, self);
+        self.constrained.clear();
+        task.cost().write_rows(&mut self.constrained);
+        let first = self.order.base + self.order.motions.len() + self.next_constrained;
+        self.next_constrained += task.rows();
+        assert!(
+            self.next_constrained <= self.order.constrained,
+            "constraints with more rows than there is room for"
+        );
+        for (row, (entries, desired)) in self.constrained.iter().enumerate() {
+            self.problem.equality_value[first + row] = desired;
+            for (column, entry) in entries.iter().enumerate() {
+                self.problem.equality_matrix[(first + row, column)] = *entry;
+            }
+            if let Some(below) = &mut self.below {
+                below.first.push(0.0).copy_from_slice(entries);
+            }
+        }
+    }
+
+    /// Calls `visit` with each point of the contacts that are active, in the world, as of the last [`begin`](Self::begin) at `state`.
+    pub fn visit_support(&self, state: &MotionState<'_>, visit: &mut dyn FnMut(Vector3<f64>)) {
+        for place in self.contacts.iter().filter(|place| place.active) {
+            let origin = state.kinematics.pose(state.model, place.contact.frame).translation.vector;
+            place.arms.iter().for_each(|arm| visit(origin + arm));
+        }
+    }
+
+    /// Starts a tick without limits and constrained tasks.
+    pub(super) fn clear_rows(&mut self) {
+        (self.next_limit, self.next_constrained) = (0, 0);
+        let Self { predicted, problem, order, .. } = self;
+        if let Some(predicted) = predicted {
+            predicted.ready = false;
+        }
+        let (first, held) = (order.first_limit(), order.base + order.motions.len());
+        if order.limits > 0 {
+            problem.row_matrix.rows_mut(first, order.limits).fill(0.0);
+            problem.row_lower.rows_mut(first, order.limits).fill(f64::NEG_INFINITY);
+            problem.row_upper.rows_mut(first, order.limits).fill(f64::INFINITY);
+        }
+        if order.constrained > 0 {
+            problem.equality_matrix.rows_mut(held, order.constrained).fill(0.0);
+            problem.equality_value.rows_mut(held, order.constrained).fill(0.0);
+        }
+    }
+
+    /// The rows of the wrench cones of the soles.
+    pub(super) fn pose_wrenches(&mut self) {
+        let Self { order, problem, contacts, .. } = self;
+        let mut row = order.joints + 4 * order.points.len();
+        for place in contacts.iter() {
+            let Some(cone) = place.contact.wrench else { continue };
+            let force = place.contact.max_force.max(0.0) * place.contact.points() as f64;
+            for number in 0..WrenchCone::ROWS {
+                let (c, least, largest) = cone.row(number);
+                for (point, arm) in place.arms.iter().enumerate() {
+                    let [x, y, _] = *place.axes.tr_mul(arm).as_ref();
+                    let first = order.velocities + 3 * (place.first_point + point);
+                    problem.row_matrix[(row, first)] = c[0] - y * c[5];
+                    problem.row_matrix[(row, first + 1)] = c[1] + x * c[5];
+                    problem.row_matrix[(row, first + 2)] = c[2] + y * c[3] - x * c[4];
+                }
+                let (least, largest) = match place.active {
+                    // what is being lifted is not kept loaded
+                    true => (if force < least { 0.0 } else { least }, largest),
+                    false => (f64::NEG_INFINITY, f64::INFINITY),
+                };
+                (problem.row_lower[row], problem.row_upper[row]) = (least, largest);
+                row += 1;
+            }
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! The joints move to where the weight of the robot loads their drives less.
+
+use motorium_robots::{Dynamics, Model};
+use nalgebra::Vector3;
+
+use super::{Cost, Rows, Task};
+use crate::{RobotState, solver::Problem};
+
+/// Step along the scaled efforts over which their change is measured \[rad\].
+const STEP: f64 = 1e-5;
+
+/// Joint velocities follow the slope of the effort that the weight of the robot asks of its drives, downwards:
+///
+/// ```text
+/// m = 1/2 sum_joints (g_i(q) / tau_max_i)^2       efforts as shares of their limits; of 1 Nm where there is no limit
+/// A = 1 on all velocities,   b = -gain dm/dq,   W = weight      1/(rad/s)
+/// ```
+///
+/// (OpenSoT's task.) Since `dg/dq` of the joints is symmetric, the second derivative of the potential energy, the slope is the change
+/// of `g` along the scaled efforts: one central difference whatever the number of joints. A floating base is asked to rest.
+///
+/// ```
+/// use motorium_control::{RobotState, tasks::{MinimumEffortTask, Task}};
+/// use motorium_robots::{Kinematics, load};
+/// use nalgebra::Vector3;
+///
+/// let panda = load("panda", std::path::Path::new("."))?;
+/// let (model, home) = (&panda.model, panda.profile.unwrap().home(&panda.model)?);
+/// let mut kinematics = Kinematics::new(model);
+/// kinematics.update(model, home.as_slice());
+/// let mut task = MinimumEffortTask::new(model, Vector3::new(0.0, 0.0, -9.81));
+/// task.update(&RobotState { model, kinematics: &kinematics, q: home.as_slice() });
+/// assert!(task.measure() > 0.0, "the arm hangs out to the front");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct MinimumEffortTask {
+    gravity: Vector3<f64>,
+    gain: f64,
+    weight: f64,
+    measure: f64,
+    /// `1 / tau_max^2` of each joint.
+    shares: Vec<f64>,
+    dynamics: Dynamics,
+    /// Efforts, the direction, a place beside `q` and the efforts there.
+    effort: Vec<f64>,
+    direction: Vec<f64>,
+    beside: Vec<f64>,
+    changed: Vec<f64>,
+    cost: Cost,
+}
+
+impl MinimumEffortTask {
+    /// A task for `model` under this acceleration of free fall \[m/s2\], with gain 1 and weight 1e-2.
+    pub fn new(model: &Model, gravity: Vector3<f64>) -> Self {
+        let share = |limit: &f64| if limit.is_finite() && *limit > 0.0 { limit.powi(-2) } else { 1.0 };
+        Self {
+            gravity,
+            gain: 1.0,
+            weight: 1e-2,
+            measure: 0.0,
+            shares: model.effort_limit().iter().map(share).collect(),
+            dynamics: Dynamics::new(model),
+            effort: vec![0.0; model.nv()],
+            direction: vec![0.0; model.nv()],
+            beside: model.neutral(),
+            changed: vec![0.0; model.nv()],
+            cost: Cost::identity(0, model.nv()),
+        }
+    }
+
+    /// The same task with a gain \[(rad/s)^2 per unit of the measure\] and a weight \[1/(rad/s)\].
+    #[must_use]
+    pub fn with(mut self, gain: f64, weight: f64) -> Self {
+        self.set(gain, weight);
+        self
+    }
+
+    /// Changes gain and weight from the next update on.
+    pub fn set(&mut self, gain: f64, weight: f64) {
+        (self.gain, self.weight) = (gain, weight);
+    }
+
+    /// `m` at the last update.
+    pub fn measure(&self) -> f64 {
+        self.measure
+    }
+
+    /// The cost as of the last update.
+    pub fn cost(&self) -> &Cost {
+        &self.cost
+    }
+}
+
+impl Task for MinimumEffortTask {
+    fn rows(&self) -> usize {
+        self.cost.rows()
+    }
+
+    fn update(&mut self, state: &RobotState<'_>) {
+        let RobotState { model, q, .. } = *state;
+        let Self { dynamics, effort, direction, beside, changed, gravity, .. } = self;
+        let base = model.nv() - model.joint_count();
+        dynamics.gravity(model, q, *gravity, effort);
+        let (mut measure, mut length) = (0.0, 0.0_f64);
+        for (joint, share) in self.shares.iter().enumerate() {
+            let effort = effort[base + joint];
+            direction[base + joint] = share * effort;
+            measure += 0.5 * share * effort * effort;
+            length = length.hypot(share * effort);
+        }
+        self.measure = measure;
+        self.cost.weights_mut().fill(self.weight);
+        self.cost.desired_mut().fill(0.0);
+        if length == 0.0 {
+            return;
+        }
+        let mut efforts = |step: f64, out: &mut [f64]| {
+            direction.iter_mut().for_each(|entry| *entry *= step);
+            model.integrate(q, direction, beside);
+            direction.iter_mut().for_each(|entry| *entry /= step);
+            dynamics.gravity(model, beside, *gravity, out);
+        };
+        let step = STEP / length;
+        efforts(step, changed);
+        efforts(-step, effort);
+        let slope = self.cost.desired_mut().as_mut_slice();
+        for joint in base..slope.len() {
+            slope[joint] = -self.gain * (changed[joint] - effort[joint]) / (2.0 * step);
+        }
+    }
+
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        self.cost.residual(velocity)
+    }
+
+    fn add_to(&self, problem: &mut Problem) {
+        self.cost.add_to(problem);
+    }
+
+    fn write_rows(&self, rows: &mut Rows) {
+        self.cost.write_rows(rows);
+    }
+}

@@ -1,0 +1,135 @@
+//! A steered wheel points along the way of its base.
+
+use motorium_robots::{FrameId, Model, Reference};
+use nalgebra::{Matrix6xX, Unit, Vector3};
+
+use super::{Cost, Rows, Task};
+use crate::{RobotState, solver::Problem};
+
+/// Speed of a wheel below which it has no direction to point in \[m/s\].
+const STANDING: f64 = 1e-6;
+
+/// A steered wheel turns until it rolls along the velocity that its centre has where the base moves as one rigid body: all steered
+/// wheels of a base then roll about the same instantaneous centre of rotation.
+///
+/// With the axis `d` of the wheel, the normal `n` of the ground, the centre `p` of the wheel and `o` of the base, all in the axes of
+/// the world, and the twist `(V, W)` of the base,
+///
+/// ```text
+/// f = d x n / |d x n|                             direction in which the wheel rolls
+/// u = V + W n x (p - o)                           velocity of its centre
+/// e = angle from f to u about n                   rad; to -u where that is nearer: the wheel rolls backwards
+/// A = n' J_w                                      angular velocity of the wheel about the normal, 1 x nv
+/// b = gain e + W
+/// W = weight                                      1/(rad/s)
+/// ```
+///
+/// (OpenSoT's task, with the turning of the base as feed-forward.) A wheel that is to stand, or that lies flat, is asked for nothing.
+#[derive(Clone, Debug)]
+pub struct RigidRotationTask {
+    wheel: FrameId,
+    base: FrameId,
+    axis: Unit<Vector3<f64>>,
+    normal: Unit<Vector3<f64>>,
+    gain: f64,
+    weight: f64,
+    /// Velocity of the base in its own axes: along x, along y, about z.
+    twist: [f64; 3],
+    error: f64,
+    jacobian: Matrix6xX<f64>,
+    cost: Cost,
+}
+
+impl RigidRotationTask {
+    /// A task for the wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of that frame, on a base with
+    /// the frame `base` at rest on level ground; with gain 10 and weight 1.
+    pub fn new(model: &Model, wheel: FrameId, base: FrameId, axis: Unit<Vector3<f64>>) -> Self {
+        Self {
+            wheel,
+            base,
+            axis,
+            normal: Vector3::z_axis(),
+            gain: 10.0,
+            weight: 1.0,
+            twist: [0.0; 3],
+            error: 0.0,
+            jacobian: Matrix6xX::zeros(model.nv()),
+            cost: Cost::dense(1, 0, model.nv()),
+        }
+    }
+
+    /// The same task with a gain \[1/s\] and a weight \[1/(rad/s)\].
+    #[must_use]
+    pub fn with(mut self, gain: f64, weight: f64) -> Self {
+        self.set(gain, weight);
+        self
+    }
+
+    /// Changes gain and weight from the next update on.
+    pub fn set(&mut self, gain: f64, weight: f64) {
+        (self.gain, self.weight) = (gain, weight);
+    }
+
+    /// The same task on ground with another normal, world axes.
+    #[must_use]
+    pub fn on(mut self, normal: Unit<Vector3<f64>>) -> Self {
+        self.normal = normal;
+        self
+    }
+
+    /// Sets the velocity of the base in its own axes: along x and y \[m/s\], and about z \[rad/s\].
+    pub fn set_twist(&mut self, x: f64, y: f64, yaw: f64) {
+        self.twist = [x, y, yaw];
+    }
+
+    /// `e` at the last update \[rad\], from -pi/2 to pi/2; 0 for a wheel that is asked for nothing.
+    pub fn error(&self) -> f64 {
+        self.error
+    }
+
+    /// The cost as of the last update.
+    pub fn cost(&self) -> &Cost {
+        &self.cost
+    }
+}
+
+impl Task for RigidRotationTask {
+    fn rows(&self) -> usize {
+        1
+    }
+
+    fn update(&mut self, state: &RobotState<'_>) {
+        let RobotState { model, kinematics, .. } = *state;
+        let (wheel, base) = (kinematics.pose(model, self.wheel), kinematics.pose(model, self.base));
+        let (normal, [x, y, yaw]) = (self.normal.into_inner(), self.twist);
+        let flat = |vector: Vector3<f64>| vector - normal * normal.dot(&vector);
+        let arm = flat(wheel.translation.vector - base.translation.vector);
+        let carried = flat(base.rotation * Vector3::new(x, y, 0.0)) + normal.cross(&arm) * yaw;
+        let forward = (wheel.rotation * self.axis.into_inner()).cross(&normal);
+        let upright = carried.norm() > STANDING && forward.norm() > STANDING;
+        self.error = 0.0;
+        if upright {
+            let backwards = if forward.dot(&carried) < 0.0 { -1.0 } else { 1.0 };
+            let carried = carried * backwards;
+            self.error = normal.dot(&forward.cross(&carried)).atan2(forward.dot(&carried));
+        }
+        kinematics.jacobian(model, self.wheel, Reference::LocalWorldAligned, &mut self.jacobian);
+        for (mut row, frame) in self.cost.matrix_mut().column_iter_mut().zip(self.jacobian.column_iter()) {
+            row[0] = normal.dot(&frame.fixed_rows::<3>(3));
+        }
+        self.cost.desired_mut()[0] = self.gain * self.error + yaw;
+        self.cost.weights_mut()[0] = if upright { self.weight } else { 0.0 };
+    }
+
+    fn residual(&self, velocity: &[f64]) -> f64 {
+        self.cost.residual(velocity)
+    }
+
+    fn add_to(&self, problem: &mut Problem) {
+        self.cost.add_to(problem);
+    }
+
+    fn write_rows(&self, rows: &mut Rows) {
+        self.cost.write_rows(rows);
+    }
+}
