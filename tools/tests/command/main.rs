@@ -7,6 +7,7 @@ mod commands;
 mod couple;
 mod crates;
 mod expect;
+mod first_day;
 mod kinds;
 mod primitive;
 mod program;

@@ -19,10 +19,7 @@ use crate::out::out;
 use camera::{Camera, View};
 use pose::PoseArgs;
 
-/// Draw a robot in a pose as an SVG picture: its shapes, shaded, and its frames.
-///
-/// Shapes are those of the collision geometry, meshes their convex hulls; links that have none are sticks. With `--visual`
-/// they are the visuals, whose meshes are drawn as they are, a little coarser.
+/// Draw a robot in a pose as an SVG picture: its shapes (meshes as hulls, bare links as sticks).
 ///
 /// Example: motorium robot draw panda --view 30,20 --output out/panda.svg
 #[derive(Debug, clap::Args)]
