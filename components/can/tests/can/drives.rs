@@ -277,6 +277,32 @@ fn drives_let_go_by_their_watchdog_once_nobody_commands_them_and_are_found_so() 
 }
 
 #[test]
+fn of_a_hundred_adapters_that_end_in_the_middle_of_a_batch_each_leaves_its_drives_to_watchdogs_that_act_in_time()
+ {
+    for case in &CASES {
+        for run in 0..100 {
+            let mut rig = Rig::healthy(case);
+            rig.run(run % 7);
+            let (begin_ns, mut frames) = (rig.cycle * rig.cycle_ns, Vec::new());
+            rig.adapter.write(0, &mut frames);
+            let sent = run as usize % (frames.len() + 1);
+            frames[..sent].iter().for_each(|frame| assert!(rig.bus.enqueue(0, *frame, begin_ns)));
+            // no command is older than a cycle, and none is heard later than a cycle from now
+            let (soonest_ns, latest_ns) = (begin_ns - case.cycle_ns, begin_ns + case.cycle_ns);
+            for now_ns in (begin_ns..latest_ns + WATCHDOG_NS + STEP_NS).step_by(STEP_NS as usize) {
+                rig.step(now_ns);
+                let acts_early = now_ns < soonest_ns + WATCHDOG_NS
+                    && !rig.drives.iter().all(AnySimulatedDrive::is_enabled);
+                assert!(!acts_early, "{}, run {run}: before its time", case.protocol);
+            }
+            let have_let_go =
+                rig.drives.iter().all(|drive| !drive.is_enabled() && drive.watchdog_trips() == 1);
+            assert!(have_let_go, "{}, run {run}", case.protocol);
+        }
+    }
+}
+
+#[test]
 fn a_canopen_drive_that_keeps_another_watchdog_or_rated_torque_is_not_enabled() {
     let no_watchdog = Overrides { watchdog_ns: Some(0), ..Overrides::default() };
     let stronger = Overrides { torque: Some(7.5), ..Overrides::default() };

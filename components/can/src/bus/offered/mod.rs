@@ -47,7 +47,7 @@ pub enum Offer {
     /// Over a unix socket.
     Socket(UnixOffer),
     /// Over a pseudo-terminal.
-    Terminal(TerminalOffer),
+    Terminal(Box<TerminalOffer>),
 }
 
 impl Offer {
@@ -58,7 +58,9 @@ impl Offer {
     pub fn open(place: Place<'_>, rates: Rates, is_fd: bool, is_servo_line: bool) -> io::Result<Self> {
         Ok(match place {
             Place::Socket(name) => Self::Socket(UnixOffer::open(name)?),
-            Place::Terminal(path) => Self::Terminal(TerminalOffer::open(path, rates, is_fd, is_servo_line)?),
+            Place::Terminal(path) => {
+                Self::Terminal(Box::new(TerminalOffer::open(path, rates, is_fd, is_servo_line)?))
+            }
         })
     }
 

@@ -115,10 +115,17 @@ pub fn adapter_version(path: &str) -> Result<Option<String>, OpenError> {
             _ => std::thread::sleep(Duration::from_millis(1)),
         }
     }
-    // an answer is a line of plain text that is longer than an acknowledgement
+    // Frames of a bus on which there is traffic tell the adapter, too.
+    let lines = || text.split(|byte| matches!(byte, b'\r' | b'\n' | 0x07));
+    let is_frame = |line: &&[u8]| {
+        let mut reader = Reader::default();
+        let mut read = line.iter().chain(b"\r").filter_map(|byte| reader.push(*byte));
+        matches!(read.next(), Some(Line::Frame(_)))
+    };
     let is_plain = |line: &&[u8]| line.len() > 2 && line.iter().all(|byte| matches!(byte, 0x20..=0x7e));
-    let line = text.split(|byte| matches!(byte, b'\r' | b'\n' | 0x07)).find(is_plain);
-    Ok(line.map(|line| String::from_utf8_lossy(line).into_owned()))
+    let version = lines().filter(is_plain).find(|line| !is_frame(line));
+    let unknown = || lines().any(|line| is_frame(&line)).then(|| "it tells no version".to_string());
+    Ok(version.map(|line| String::from_utf8_lossy(line).into_owned()).or_else(unknown))
 }
 
 impl SlcanBus {
