@@ -111,9 +111,9 @@ impl Header {
 
 /// Undoes the filter of a row: its bytes were written as differences from their neighbours.
 fn unfilter(filter: u8, width: usize, above: &[u8], row: &mut [u8]) -> Result<(), String> {
-    for index in 0..row.len() {
+    for (index, b) in above.iter().copied().enumerate() {
         let before = index.checked_sub(width);
-        let (a, b) = (before.map_or(0, |at| row[at]), above[index]);
+        let a = before.map_or(0, |at| row[at]);
         let c = before.map_or(0, |at| above[at]);
         let guess = match filter {
             0 => 0,

@@ -150,9 +150,11 @@ impl TerrainLayer {
                 let size = size.unwrap_or(whole);
                 let middle = [0, 1].map(|axis| corner[axis] + 0.5 * whole[axis]);
                 let centre = centre.unwrap_or(middle);
-                for axis in 0..2 {
-                    positive("image.size", size[axis])?;
-                    finite("image.centre", centre[axis])?;
+                for length in size {
+                    positive("image.size", length)?;
+                }
+                for place in centre {
+                    finite("image.centre", place)?;
                 }
                 let picture = Picture::read(Path::new(file)).map_err(|problem| TerrainError::Picture {
                     key: format!("{key}.image.file"),
