@@ -4,7 +4,6 @@
 //! time is virtual: all that is asserted are counts and states. Where there is no machine to be had, such as without
 //! the network, each test says that it was not run.
 
-mod adapters;
 mod twelve;
 
 use std::collections::BTreeMap;
@@ -51,7 +50,6 @@ fn run() -> Option<BTreeMap<String, Row>> {
     let copied = Command::new("cp").args(["-r", "../graphs"]).arg(&graphs).current_dir(here).status();
     assert!(copied.expect("cp starts").success());
     twelve::write(&graphs);
-    adapters::write(&graphs);
     // a longer run of the twelve joints: `MOTORIUM_CAN_SECONDS=60 cargo only can`
     let seconds = std::env::var("MOTORIUM_CAN_SECONDS").unwrap_or_else(|_| "5".to_string());
     std::fs::write(graphs.join("seconds"), seconds).expect("a file");

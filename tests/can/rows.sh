@@ -106,57 +106,6 @@ echo "--- errors"
 ps | grep -c '[m]otorium worker'
 wc -l <silence
 
-# slcan NAME FAULT: the arm behind the kernel's driver on the terminal that the desk offers, with a fault of the desk's bus at 5 s.
-# What is to be done at its end is called `mend`.
-slcan() {
-    name=$1 fault=$2
-    rm -f desk desk_errors report errors
-    motorium run /graphs/desk.toml --json --force --no-expect --for 10s --set component.physics.schedule='"fifo"' \
-        --set component.drives.schedule='"fifo"' --set "component.drives.config.faults=[$fault]" >desk 2>desk_errors &
-    desk=$!
-    until [ -e /tmp/can0 ] && grep -q running desk_errors; do
-        kill -0 $desk 2>/dev/null || break
-        sleep 0.02
-    done
-    motorium can attach /tmp/can0 >attached 2>>desk_errors &
-    attached=$!
-    until [ -s attached ]; do
-        kill -0 $attached 2>/dev/null || break
-        sleep 0.02
-    done
-    motorium run /graphs/slcan.toml --no-expect --json --force --for "$3" >report 2>errors &
-    run=$!
-    mend
-    finish
-    wait $desk
-    code=$?
-    echo "=== ${name}_desk $code"
-    cat desk
-    echo "--- errors"
-    cat desk_errors
-    kill -INT $attached 2>/dev/null
-    wait $attached
-}
-
-mend() { :; }
-slcan slcan '' 3s
-slcan slcan_alone '{ at = "5 s", lasts = "300 ms", kind = "alone", bus = "can0" }' 6s
-mend() {
-    sleep 5
-    ip link set slcan0 down
-    ip link set slcan0 up
-}
-slcan slcan_bus_off '{ at = "5 s", lasts = "300 ms", kind = "bus_off", bus = "can0" }' 7s
-mend() {
-    sleep 5
-    until [ -e /tmp/can0 ]; do sleep 0.02; done
-    kill -INT $attached 2>/dev/null
-    wait $attached
-    motorium can attach /tmp/can0 >attached 2>>desk_errors &
-    attached=$!
-}
-slcan slcan_unplugged '{ at = "5 s", lasts = "300 ms", kind = "down", bus = "can0" }' 8s
-
 graph=/graphs/two-buses.toml
 begin twelve --for "$(cat /graphs/seconds)s"
 finish

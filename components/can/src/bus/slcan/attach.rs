@@ -63,7 +63,7 @@ impl Attached {
         Ok(Self { name: String::from_utf8_lossy(name).into_owned(), _line: line })
     }
 
-    /// The name of the interface, such as `slcan0`.
+    /// The name of the interface, such as `can0`; of older kernels `slcan0`.
     pub fn name(&self) -> &str {
         &self.name
     }
