@@ -112,10 +112,12 @@ for name, size in [("camera", (160, 120)), ("scene_grey", (64, 48))]:
     kind = data.schema.field(feature).type
     assert kind.field("bytes").type == arrow.binary() and kind.field("path").type == arrow.string()
     counts = [[0] * 256 for _ in range(3)]
+    of_frames = list(zip(data["episode_index"].to_pylist(), data["frame_index"].to_pylist()))
     for frame, file in enumerate(data[feature].to_pylist()):
+        raw_file = raw / "{}-{}-{}".format(name, *of_frames[frame])
         width, height, found = pixels(file["bytes"])
         assert (width, height) == size and file["path"] == f"frame-{frame:06d}.png"
-        assert found == (raw / f"{name}-{frame}").read_bytes(), (name, frame)
+        assert found == raw_file.read_bytes(), (name, frame)
         for colour in range(3):
             for value in found[colour::3]:
                 counts[colour][value] += 1
@@ -142,10 +144,12 @@ data = LeRobotDataset("user/eyes", root=root)
 assert data.meta.camera_keys == ["observation.images.camera", "observation.images.scene_grey"], data.meta.camera_keys
 for name, (width, height) in [("camera", (160, 120)), ("scene_grey", (64, 48))]:
     for frame in range(len(data)):
-        picture = data[frame][f"observation.images.{name}"]
+        item = data[frame]
+        picture = item[f"observation.images.{name}"]
+        raw_file = raw / f"{name}-{item['episode_index']}-{item['frame_index']}"
         assert tuple(picture.shape) == (3, height, width) and str(picture.dtype) == "torch.float32"
         found = (picture * 255).round().to("cpu").numpy().astype(numpy.uint8).transpose(1, 2, 0)
-        assert found.tobytes() == (raw / f"{name}-{frame}").read_bytes(), (name, frame)
+        assert found.tobytes() == raw_file.read_bytes(), (name, frame)
     assert data.meta.stats[f"observation.images.{name}"]["mean"].shape == (3, 1, 1)
 item = data[len(data) - 1]
 assert item["task"] == "look at the ball" and item["episode_index"] == 1, item
@@ -181,9 +185,11 @@ fn a_dataset_has_of_each_frame_the_newest_picture_of_each_camera() {
     let second_ns =
         recording.samples().map(Result::unwrap).find(|sample| sample.stamp.episode == 1).unwrap().time_ns;
     for (topic, name) in [("camera/image", "camera"), ("scene/grey", "scene_grey")] {
-        let of_each = [0, second_ns].map(|from_ns| expected(&recording, topic, &kept, from_ns, frames / 2));
-        for (frame, pixels) in of_each.concat().iter().enumerate() {
-            fs::write(raw.join(format!("{name}-{frame}")), pixels).expect("written");
+        for (episode, from_ns) in [0, second_ns].into_iter().enumerate() {
+            let of_each = expected(&recording, topic, &kept, from_ns, frames);
+            for (frame, pixels) in of_each.iter().enumerate() {
+                fs::write(raw.join(format!("{name}-{episode}-{frame}")), pixels).expect("written");
+            }
         }
     }
     if let Some(python) = python("pyarrow") {
