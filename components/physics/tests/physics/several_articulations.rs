@@ -187,7 +187,7 @@ fn a_robot_of_one_free_body_moves_as_a_free_object_does() {
     let model = motorium_robots::parse_urdf_with(&urdf, None, &options).unwrap().model;
     let object = |name: &str, position| Object {
         name: name.to_owned(),
-        shape: shape.clone(),
+        shape,
         mass: Some(2.0),
         position,
         rpy: [0.3, 0.2, 0.0],
