@@ -5,26 +5,27 @@ mod actuators;
 mod implicit;
 mod integrator;
 mod laws;
+mod part;
 mod push;
 mod step;
 
-use motorium_robots::{Dynamics, FrameId, Kinematics, Momentum};
-use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
+use motorium_robots::FrameId;
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
-use crate::contact::{Colliders, ContactScene, ImpulseSums, ImpulseTarget, MovedByImpulses, SceneState};
-use crate::joint::JointProperties;
+use crate::contact::{Colliders, ContactScene, ImpulseSums, SceneState};
 use crate::properties::Surface;
 use crate::rays::Rays;
-use crate::robot::{Articulation, Robot, RobotSetup};
+use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
 use crate::{
     BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
     World,
 };
-use actuators::{Actuators, ActuatorsState};
+use actuators::ActuatorsState;
 pub use implicit::Singular;
 pub use integrator::{JointEvents, JointSpaceIntegrator};
 pub(crate) use laws::{Drive, Laws, Mode};
+use part::Part;
 
 /// A robot with a fixed or floating base in a world, simulated by the [`Articulated`] engine.
 ///
@@ -86,51 +87,6 @@ pub struct Articulated {
     /// Length of the last integration step \[s\].
     h: f64,
     sums: ImpulseSums,
-}
-
-/// The workspace of an articulation.
-struct Part {
-    integrator: JointSpaceIntegrator,
-    dynamics: Dynamics,
-    /// Of the next state, between integration steps of one step.
-    kinematics: Kinematics,
-    /// Generalized force of the rotors (nv).
-    rotor_force: Vec<f64>,
-    /// Generalized force from outside during the next step (nv).
-    external: Vec<f64>,
-    actuators: Actuators,
-    frame_jacobian: DMatrix<f64>,
-    momentum_map: DMatrix<f64>,
-    /// Momentum at the start of an integration step in the air.
-    momentum: Option<Momentum>,
-    /// Its modes are to be guessed again.
-    pending: bool,
-    settled: bool,
-}
-
-impl Part {
-    fn new(own: &Articulation, setup: &RobotSetup, joints: &[JointProperties]) -> Result<Self, BuildError> {
-        let model = own.model();
-        Ok(Self {
-            actuators: Actuators::new(setup, joints)?,
-            integrator: JointSpaceIntegrator::new(model, joints.to_vec()),
-            dynamics: Dynamics::new(model),
-            kinematics: Kinematics::new(model),
-            rotor_force: vec![0.0; model.nv()],
-            external: vec![0.0; model.nv()],
-            frame_jacobian: DMatrix::zeros(6, model.nv()),
-            momentum_map: DMatrix::zeros(6, model.nv()),
-            momentum: None,
-            pending: false,
-            settled: false,
-        })
-    }
-}
-
-impl MovedByImpulses for Part {
-    fn target(&mut self) -> ImpulseTarget<'_> {
-        self.integrator.target()
-    }
 }
 
 /// A contact force on a link of the robot.

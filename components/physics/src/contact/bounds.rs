@@ -83,9 +83,9 @@ impl Motions {
         (kinematics, bases): (impl Fn(usize) -> &'a Kinematics, &[Isometry3<f64>]),
         objects: &[FreeBody],
     ) {
-        for of in 0..self.bases.len() {
+        for (of, base) in bases.iter().enumerate().take(self.bases.len()) {
             if self.floating[of] {
-                self.follow_base(of, &bases[of], kinematics(of).body_velocity(None));
+                self.follow_base(of, base, kinematics(of).body_velocity(None));
             }
         }
         for (index, (motion, collider)) in self.colliders.iter_mut().zip(colliders).enumerate() {

@@ -2,8 +2,9 @@
 //!
 //! The library is that of the Python package `mujoco`: nothing of it is needed to build motorium, and no program that does not
 //! use this engine loads it. It is [found and checked](library) once in a process; the [layout](layout) of its structures is that of one
-//! version. [MJCF](mjcf) is written from our model and world, [native] keeps what the library makes of it, and [step] moves it.
+//! version. [MJCF](mjcf) is written from our model and world and [compiled](compile), [native] keeps what the library makes of it, and [step] moves it.
 
+mod compile;
 mod contact;
 mod layout;
 mod library;
@@ -11,23 +12,24 @@ mod mjcf;
 mod native;
 mod step;
 
-use motorium_robots::{Coordinate, FrameId, Reference};
+use motorium_robots::{FrameId, Reference};
 use nalgebra::{DMatrix, Isometry3, Point3, Unit, Vector3};
 
 use crate::articulated::{Drive, Laws};
 use crate::contact::{Colliders, ImpulseSums};
 use crate::properties::Surface;
 use crate::rays::Rays;
-use crate::robot::{Articulation, Robot, RobotSetup};
+use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
 use crate::{
     BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
     World,
 };
+use compile::{ObjectPlace, Places, armatures};
 use contact::{Seen, Touch};
 use library::Library;
 pub use library::LibraryError;
-use native::{Kind, Native, Parts};
+use native::{Native, Parts};
 use step::pose_at;
 
 /// A robot with a fixed or floating base in a world, simulated by the [`Mujoco`] engine.
@@ -93,29 +95,6 @@ pub struct Mujoco {
     motion: Vec<f64>,
 }
 
-/// Places of our coordinates in MuJoCo's vectors: of positions, and of velocities.
-struct Places {
-    articulations: Vec<ArticulationPlaces>,
-    objects: Vec<ObjectPlace>,
-}
-
-struct ArticulationPlaces {
-    base: Option<(usize, usize)>,
-    /// One per body of the model.
-    joints: Vec<(usize, usize)>,
-    coordinates: Vec<Coordinate>,
-    /// Body of each independent joint.
-    drives: Vec<usize>,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum ObjectPlace {
-    /// It moves freely.
-    Free(usize, usize),
-    /// It stands where it is placed.
-    Placed(usize),
-}
-
 /// Share of what the constraints of a joint would yield: MuJoCo's friction, stops and couplings of joints are soft, ours are not.
 const YIELD: f64 = 1e-4;
 
@@ -136,61 +115,6 @@ impl Mujoco {
     /// [`LibraryError`], with what to install.
     pub fn find() -> Result<(), LibraryError> {
         Library::get().map(|_| ())
-    }
-
-    /// Writes the model and has MuJoCo compile it.
-    fn compile(
-        library: &'static Library,
-        robot: &Robot,
-        world: &World,
-        colliders: &Colliders,
-    ) -> Result<(Native, Places, Vec<usize>), BuildError> {
-        let mut native = Native::compile(library, &mjcf::write(robot, world, colliders))
-            .map_err(|reason| BuildError::Refused { reason })?;
-        let lost = |what: String| BuildError::Refused { reason: format!("{what} is lost on the way") };
-        let joint = |native: &Native, name: String| {
-            native.id(Kind::Joint, &name).map(|id| native.joint_places(id)).ok_or_else(|| lost(name))
-        };
-        let mut places = Places { articulations: Vec::new(), objects: Vec::new() };
-        for (of, own) in robot.articulations.iter().enumerate() {
-            let (model, base) = (&own.model, mjcf::base_joint(of));
-            let mut part = ArticulationPlaces {
-                base: if model.base().floating { Some(joint(&native, base)?) } else { None },
-                joints: Vec::new(),
-                coordinates: model.bodies().iter().map(|body| body.joint.coordinate).collect(),
-                drives: (0..model.joint_count()).map(|index| model.joint_body(index)).collect(),
-            };
-            for index in 0..model.bodies().len() {
-                let name = mjcf::body_joint(of, index);
-                let (place, dof) = joint(&native, name.clone())?;
-                // The structures lie where they are thought to: what has been written into the model is found there.
-                let armature = mjcf::armature(robot, (of, index));
-                if native.timestep() != mjcf::TIMESTEP || native.armature(dof) != armature {
-                    return Err(lost(format!("armature of {name}")));
-                }
-                native.harden(dof, YIELD);
-                part.joints.push((place, dof));
-            }
-            places.articulations.push(part);
-        }
-        for (index, object) in world.objects.iter().enumerate() {
-            let name = format!("o{index}");
-            places.objects.push(if object.is_dynamic() {
-                let (place, dof) = joint(&native, name)?;
-                ObjectPlace::Free(place, dof)
-            } else {
-                let mocap = native.id(Kind::Body, &name).and_then(|body| native.mocap_of(body));
-                ObjectPlace::Placed(mocap.ok_or_else(|| lost(name))?)
-            });
-        }
-        let mut geometries = Vec::new();
-        for index in 0..colliders.colliders.len() {
-            if let Some(id) = native.id(Kind::Geometry, &format!("c{index}")) {
-                geometries.resize(geometries.len().max(id + 1), 0);
-                geometries[id] = index;
-            }
-        }
-        Ok((native, places, geometries))
     }
 }
 
@@ -405,12 +329,4 @@ impl Engine for Mujoco {
     fn visit_impulses(&self, _: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
         self.sums.visit(&self.colliders.colliders, visit);
     }
-}
-
-/// Inertia of drive and rotor on the joint of each body of each articulation.
-fn armatures(robot: &Robot) -> Vec<Vec<f64>> {
-    let of_part = |(of, own): (usize, &Articulation)| {
-        (0..own.model.bodies().len()).map(|body| mjcf::armature(robot, (of, body))).collect()
-    };
-    robot.articulations.iter().enumerate().map(of_part).collect()
 }

@@ -75,12 +75,14 @@ fn robots_that_do_not_touch_move_as_each_moves_alone() {
     let mut alone =
         robots.each_ref().map(|robot| simulate::<motorium_physics::Articulated>(&[robot], grounded(vec![])));
     let places: Vec<_> = all.articulations().iter().map(|own| (own.q(), own.v(), own.drives())).collect();
-    let mut worst = 0.0_f64;
+    let weight = 9.81 * all.articulations().iter().map(|own| own.model().mass()).fold(f64::MAX, f64::min);
+    let (mut worst, mut pressed) = (0.0_f64, 0);
     for step in 0..1500 {
         let held: Vec<_> = robots.iter().flat_map(|robot| robot.commands.clone()).collect();
         swing(all.commands_mut(), &held, step);
         let commands = all.commands_mut().to_vec();
         all.step(1e-3).unwrap();
+        pressed += usize::from(all.contact_force().z > weight);
         for (single, (q, v, drives)) in alone.iter_mut().zip(&places) {
             single.commands_mut().copy_from_slice(&commands[drives.clone()]);
             single.step(1e-3).unwrap();
@@ -92,7 +94,7 @@ fn robots_that_do_not_touch_move_as_each_moves_alone() {
         assert!(worst <= 1e-12, "step {step}: {worst:e}");
     }
     println!("largest difference {worst:e}");
-    assert!(all.touching("ground", "one/front_left_foot") || all.contact_force().z > 100.0);
+    assert!(pressed > 300, "the ground bears more than one quadruped in {pressed} steps");
 }
 
 #[test]
@@ -185,7 +187,7 @@ fn a_robot_of_one_free_body_moves_as_a_free_object_does() {
     let model = motorium_robots::parse_urdf_with(&urdf, None, &options).unwrap().model;
     let object = |name: &str, position| Object {
         name: name.to_owned(),
-        shape: shape.clone(),
+        shape,
         mass: Some(2.0),
         position,
         rpy: [0.3, 0.2, 0.0],

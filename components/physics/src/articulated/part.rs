@@ -1,0 +1,60 @@
+//! The workspace of one articulation.
+
+use motorium_robots::{Dynamics, Kinematics, Momentum};
+use nalgebra::DMatrix;
+
+use super::actuators::Actuators;
+use super::integrator::JointSpaceIntegrator;
+use crate::BuildError;
+use crate::contact::{ImpulseTarget, MovedByImpulses};
+use crate::joint::JointProperties;
+use crate::robot::{Articulation, RobotSetup};
+
+/// The workspace of an articulation.
+pub(super) struct Part {
+    pub(super) integrator: JointSpaceIntegrator,
+    pub(super) dynamics: Dynamics,
+    /// Of the next state, between integration steps of one step.
+    pub(super) kinematics: Kinematics,
+    /// Generalized force of the rotors (nv).
+    pub(super) rotor_force: Vec<f64>,
+    /// Generalized force from outside during the next step (nv).
+    pub(super) external: Vec<f64>,
+    pub(super) actuators: Actuators,
+    pub(super) frame_jacobian: DMatrix<f64>,
+    pub(super) momentum_map: DMatrix<f64>,
+    /// Momentum at the start of an integration step in the air.
+    pub(super) momentum: Option<Momentum>,
+    /// Its modes are to be guessed again.
+    pub(super) pending: bool,
+    pub(super) settled: bool,
+}
+
+impl Part {
+    pub(super) fn new(
+        own: &Articulation,
+        setup: &RobotSetup,
+        joints: &[JointProperties],
+    ) -> Result<Self, BuildError> {
+        let model = own.model();
+        Ok(Self {
+            actuators: Actuators::new(setup, joints)?,
+            integrator: JointSpaceIntegrator::new(model, joints.to_vec()),
+            dynamics: Dynamics::new(model),
+            kinematics: Kinematics::new(model),
+            rotor_force: vec![0.0; model.nv()],
+            external: vec![0.0; model.nv()],
+            frame_jacobian: DMatrix::zeros(6, model.nv()),
+            momentum_map: DMatrix::zeros(6, model.nv()),
+            momentum: None,
+            pending: false,
+            settled: false,
+        })
+    }
+}
+
+impl MovedByImpulses for Part {
+    fn target(&mut self) -> ImpulseTarget<'_> {
+        self.integrator.target()
+    }
+}

@@ -1,0 +1,98 @@
+//! Compilation of a model, and the places of our coordinates in MuJoCo's.
+
+use motorium_robots::Coordinate;
+
+use super::library::Library;
+use super::native::{Kind, Native};
+use super::{Mujoco, YIELD, mjcf};
+use crate::contact::Colliders;
+use crate::robot::{Articulation, Robot};
+use crate::{BuildError, World};
+
+/// Places of our coordinates in MuJoCo's vectors: of positions, and of velocities.
+pub(super) struct Places {
+    pub(super) articulations: Vec<ArticulationPlaces>,
+    pub(super) objects: Vec<ObjectPlace>,
+}
+
+pub(super) struct ArticulationPlaces {
+    pub(super) base: Option<(usize, usize)>,
+    /// One per body of the model.
+    pub(super) joints: Vec<(usize, usize)>,
+    pub(super) coordinates: Vec<Coordinate>,
+    /// Body of each independent joint.
+    pub(super) drives: Vec<usize>,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) enum ObjectPlace {
+    /// It moves freely.
+    Free(usize, usize),
+    /// It stands where it is placed.
+    Placed(usize),
+}
+
+impl Mujoco {
+    /// Writes the model and has MuJoCo compile it.
+    pub(super) fn compile(
+        library: &'static Library,
+        robot: &Robot,
+        world: &World,
+        colliders: &Colliders,
+    ) -> Result<(Native, Places, Vec<usize>), BuildError> {
+        let mut native = Native::compile(library, &mjcf::write(robot, world, colliders))
+            .map_err(|reason| BuildError::Refused { reason })?;
+        let lost = |what: String| BuildError::Refused { reason: format!("{what} is lost on the way") };
+        let joint = |native: &Native, name: String| {
+            native.id(Kind::Joint, &name).map(|id| native.joint_places(id)).ok_or_else(|| lost(name))
+        };
+        let mut places = Places { articulations: Vec::new(), objects: Vec::new() };
+        for (of, own) in robot.articulations.iter().enumerate() {
+            let (model, base) = (&own.model, mjcf::base_joint(of));
+            let mut part = ArticulationPlaces {
+                base: if model.base().floating { Some(joint(&native, base)?) } else { None },
+                joints: Vec::new(),
+                coordinates: model.bodies().iter().map(|body| body.joint.coordinate).collect(),
+                drives: (0..model.joint_count()).map(|index| model.joint_body(index)).collect(),
+            };
+            for index in 0..model.bodies().len() {
+                let name = mjcf::body_joint(of, index);
+                let (place, dof) = joint(&native, name.clone())?;
+                // The structures lie where they are thought to: what has been written into the model is found there.
+                let armature = mjcf::armature(robot, (of, index));
+                if native.timestep() != mjcf::TIMESTEP || native.armature(dof) != armature {
+                    return Err(lost(format!("armature of {name}")));
+                }
+                native.harden(dof, YIELD);
+                part.joints.push((place, dof));
+            }
+            places.articulations.push(part);
+        }
+        for (index, object) in world.objects.iter().enumerate() {
+            let name = format!("o{index}");
+            places.objects.push(if object.is_dynamic() {
+                let (place, dof) = joint(&native, name)?;
+                ObjectPlace::Free(place, dof)
+            } else {
+                let mocap = native.id(Kind::Body, &name).and_then(|body| native.mocap_of(body));
+                ObjectPlace::Placed(mocap.ok_or_else(|| lost(name))?)
+            });
+        }
+        let mut geometries = Vec::new();
+        for index in 0..colliders.colliders.len() {
+            if let Some(id) = native.id(Kind::Geometry, &format!("c{index}")) {
+                geometries.resize(geometries.len().max(id + 1), 0);
+                geometries[id] = index;
+            }
+        }
+        Ok((native, places, geometries))
+    }
+}
+
+/// Inertia of drive and rotor on the joint of each body of each articulation.
+pub(super) fn armatures(robot: &Robot) -> Vec<Vec<f64>> {
+    let of_part = |(of, own): (usize, &Articulation)| {
+        (0..own.model.bodies().len()).map(|body| mjcf::armature(robot, (of, body))).collect()
+    };
+    robot.articulations.iter().enumerate().map(of_part).collect()
+}
