@@ -112,6 +112,7 @@ pub trait Engine: Sized {
     ///
     /// By default the forces that [`visit_contacts`](Self::visit_contacts) passes act for the whole step; an engine with several integration
     /// steps in one adds up theirs.
+    #[expect(clippy::type_complexity, reason = "a visitor of three values")]
     fn visit_impulses(&self, dt: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
         self.visit_contacts(&mut |contact| {
             let impulse = (contact.normal * contact.force + contact.friction) * dt;

@@ -29,6 +29,7 @@ impl ImpulseSums {
     }
 
     /// Passes name, impulse and moment of each collider with an impulse to `visit`.
+    #[expect(clippy::type_complexity, reason = "a visitor of three values")]
     pub(crate) fn visit(
         &self,
         colliders: &[Collider],
