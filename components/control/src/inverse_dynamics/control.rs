@@ -72,8 +72,7 @@ impl InverseDynamics {
         settings: InverseDynamicsSettings,
         rows: DynamicsRows,
     ) -> Self {
-        let (mut motions, mut points, mut places) = (Vec::new(), Vec::new(), Vec::new());
-        let mut wrenches = Vec::new();
+        let (mut motions, mut points, mut places, mut wrenches) = (vec![], vec![], vec![], vec![]);
         for (index, mut contact) in contacts.into_iter().enumerate() {
             contact.wrench = contact.wrench.filter(|_| matches!(contact.shape, ContactShape::Sole { .. }));
             wrenches.extend(contact.wrench.iter().flat_map(|_| [index; WrenchCone::ROWS]));
