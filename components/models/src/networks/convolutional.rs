@@ -69,10 +69,11 @@ impl ConvolutionalNetwork {
     /// network.
     pub fn from_layers(layers: [(DMatrix<f32>, DVector<f32>); 4]) -> Option<Self> {
         let outputs = layers[3].0.nrows();
-        let fits = |(layer, size): (&(DMatrix<f32>, DVector<f32>), (usize, usize))| {
-            layer.0.shape() == size && layer.1.len() == size.0
-        };
-        let possible = outputs > 0 && layers.iter().zip(sizes(outputs)).all(fits);
+        let possible = outputs > 0
+            && layers
+                .iter()
+                .zip(sizes(outputs))
+                .all(|((weights, bias), size)| weights.shape() == size && bias.len() == size.0);
         possible.then(|| Self { layers: layers.map(|(weights, bias)| Linear { weights, bias }) })
     }
 
