@@ -1,12 +1,15 @@
 //! The faults of a trial: the process that is hit, and the signal that it gets.
 
 use core::fmt;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use motorium::os::Watch;
 use rustix::process::Signal;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+/// Time within which a process gets two turns, and dies of a segmentation fault, also on a machine that is busy.
+const SEGFAULTS: Duration = Duration::from_secs(5);
 
 /// The process that a fault hits.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
@@ -111,12 +114,10 @@ impl Fault {
             Self::Abort => process.signal(Signal::ABORT),
             // Two that a process without a turn has not seen yet count as one.
             Self::Segfault => {
-                for _ in 0..100 {
+                let began = Instant::now();
+                while !process.has_ended() && began.elapsed() < SEGFAULTS {
                     process.signal(Signal::SEGV);
                     std::thread::sleep(Duration::from_micros(300));
-                    if process.has_ended() {
-                        break;
-                    }
                 }
             }
             Self::Terminate => process.signal(Signal::TERM),
