@@ -179,7 +179,11 @@ mod tests {
         };
         assert!(writer().part("one", |_| anyhow::bail!("no data")).is_err());
         let mut again = false;
-        writer().part("one", |_| Ok(again = true)).unwrap();
+        let work = |_: &mut FigureWriter| {
+            again = true;
+            Ok(())
+        };
+        writer().part("one", work).unwrap();
         assert!(again);
     }
 }
