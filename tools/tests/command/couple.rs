@@ -34,8 +34,6 @@ fn a_coupling_is_trained_kept_and_writes_at_the_pen_speed_it_says() {
         text(&letters),
         "--epochs",
         "3",
-        "--samples",
-        "60",
         "--eigenforces",
         "6",
         "--output",
@@ -63,7 +61,7 @@ fn a_coupling_is_trained_kept_and_writes_at_the_pen_speed_it_says() {
     let length = |report: &serde_json::Value| report["length"].as_f64().expect("a length");
     assert!((length(&slow) - 0.1 * length(&usual)).abs() < 1e-9);
     let csv = printed(&["library", "write", text(&coupling), text(&shown)]);
-    assert!(csv.starts_with("t,x,y\n0,") && csv.lines().count() == 61, "{csv}");
+    assert!(csv.starts_with("t,x,y\n0,") && csv.lines().count() == 101, "{csv}");
 
     let error = complaint(&["library", "write", text(&letters), text(&shown)]);
     assert!(error.contains("this is no coupling; train one with `motorium library couple`"), "{error}");

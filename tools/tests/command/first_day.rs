@@ -71,7 +71,8 @@ fn robot_of_a_missing_mesh(folder: &Path) -> [String; 2] {
         name = "mesh"
 
         [robot.mesh]
-        urdf = "mesh.urdf"
+        urdf    = "mesh.urdf"
+        profile = "own.toml"
 
         [component.physics]
         kind      = "physics.articulated"
@@ -88,16 +89,16 @@ fn robot_of_a_missing_mesh(folder: &Path) -> [String; 2] {
         budget    = "500 us"
         subscribe = { joint_state = "mesh/joint_state" }
         publish   = { joint_command = "mesh/joint_command" }
-
-        [component.policy.config.joint_command]
-        kp = 10.0
-        kd = 1.0
         "#;
-    [("mesh.urdf", urdf), ("mesh.toml", graph)].map(|(name, text)| {
+    let profile = "title = \"mesh\"\nsources = []\njoints = [\"j\"]\nhome = \"home\"\n[poses]\nhome = [0.1]\n\
+                   [gains]\nkp = [10.0]\nkd = [1.0]\n";
+    let files = [("mesh.urdf", urdf), ("mesh.toml", graph), ("own.toml", profile)];
+    let [urdf, graph, _] = files.map(|(name, text)| {
         let path = folder.join(name);
         std::fs::write(&path, text).expect("the folder takes files");
         path.to_str().expect("a plain path").to_string()
-    })
+    });
+    [urdf, graph]
 }
 
 #[test]

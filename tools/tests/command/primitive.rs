@@ -195,15 +195,14 @@ fn kernelised_and_polynomial_primitives_are_fitted_shown_bent_and_replayed() {
     let shown_again = json(&["primitive", "show", text(&model), "--json"]);
     assert_eq!(shown_again["settings"]["points"], 50);
 
-    let report = fit(&["--model", "polynomial", "--degree", "7"]);
+    let report = fit(&["--model", "polynomial", "--kernels", "7"]);
     assert_eq!((&report["kind"], &report["duration_s"]), (&"polynomial".into(), &1.0.into()));
     assert!(report["rms_error"].as_f64().is_some_and(|error| error < 0.04), "{report}");
     let shown_again = json(&["primitive", "show", text(&model), "--json"]);
     assert_eq!(shown_again["dimensions"][0]["weights"], 8);
     for (options, refused) in [
-        (&["--model", "polynomial", "--kernels", "9"][..], "--kernels"),
-        (&["--model", "kernelised", "--degree", "9"], "--degree"),
-        (&["--components", "3"], "--components"),
+        (&["--model", "polynomial", "--variant", "classic"][..], "--variant"),
+        (&["--model", "kernelised", "--penalty", "1e-3"], "--penalty"),
         (&["--model", "kernelised", "--regression", "ridge"], "--regression"),
     ] {
         let output = run(&[&["primitive", "fit", text(&shown[0])], options].concat());

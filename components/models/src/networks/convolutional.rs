@@ -48,6 +48,9 @@ struct Trace {
     out: DMatrix<f32>,
 }
 
+/// Weights (outputs x inputs) and bias of a layer.
+pub type Layer = (DMatrix<f32>, DVector<f32>);
+
 /// Outputs and inputs of the layers.
 fn sizes(outputs: usize) -> [(usize, usize); 4] {
     let flat = CHANNELS[1] * (SIDES[2] / 2) * (SIDES[2] / 2);
@@ -67,13 +70,11 @@ impl ConvolutionalNetwork {
 
     /// A network of given layers, such as those of [`layers`](Self::layers); `None` if their sizes are not those of such a
     /// network.
-    pub fn from_layers(layers: [(DMatrix<f32>, DVector<f32>); 4]) -> Option<Self> {
+    pub fn from_layers(layers: [Layer; 4]) -> Option<Self> {
         let outputs = layers[3].0.nrows();
-        let possible = outputs > 0
-            && layers
-                .iter()
-                .zip(sizes(outputs))
-                .all(|((weights, bias), size)| weights.shape() == size && bias.len() == size.0);
+        let fits =
+            |(layer, size): (&Layer, (usize, usize))| layer.0.shape() == size && layer.1.len() == size.0;
+        let possible = outputs > 0 && layers.iter().zip(sizes(outputs)).all(fits);
         possible.then(|| Self { layers: layers.map(|(weights, bias)| Linear { weights, bias }) })
     }
 

@@ -8,4 +8,4 @@ mod convolutional;
 mod layers;
 
 pub use adam::Adam;
-pub use convolutional::{ConvolutionalNetwork, IMAGE_SIDE};
+pub use convolutional::{ConvolutionalNetwork, IMAGE_SIDE, Layer};

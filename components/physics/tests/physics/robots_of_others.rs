@@ -39,7 +39,7 @@ const STANDING: [&str; 15] = [
 ];
 
 /// Robots that fail, with a part of the reason.
-const FAILING: [(&str, &str); 5] = [
+const FAILING: [(&str, &str); 7] = [
     // A defect of the file: the leader of a mimic joint is called otherwise.
     ("alex_psyonic_hands.urdf", "mimics \"index_q1\", which does not exist"),
     // Expanded from a xacro file without an argument: it is empty.
@@ -48,6 +48,10 @@ const FAILING: [(&str, &str); 5] = [
     ("tiago_dual.urdf", "101 joints, at most 64 fit"),
     // Springs carry the arms of the real one; its drives alone are too weak for that.
     ("pr2.urdf", "joints moved by 1.1e0 (r_shoulder_lift_joint)"),
+    // The drive of its waist has 30 N m, for a robot of 104 kg.
+    ("simple_humanoid.urdf", "joints moved by 1.3e0 (WAIST_P)"),
+    // It has neither collision shapes nor visuals.
+    ("simple_humanoid_classical.urdf", "no shape to collide with"),
     // A body without joints, whose hull lies on its side.
     ("quadrotor_base.urdf", "tilted 0.4"),
 ];

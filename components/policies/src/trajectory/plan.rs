@@ -120,7 +120,7 @@ fn read(goal: &JointGoal, model: &Model, profile: Option<&Profile>, key: &str) -
 fn pose(name: &str, model: &Model, profile: Option<&Profile>, key: &str) -> Result<Vec<f64>, ConfigError> {
     let profile = profile.ok_or_else(|| {
         ConfigError::key(key, format!("robot `{}` has no profile, and no pose \"{name}\"", model.name()))
-            .advise("give `position`, one number for each joint")
+            .advise("`motorium robot profile` writes a first one, with the pose \"home\"")
     })?;
     let name = if name == HOME && !profile.poses.contains_key(HOME) { &profile.home } else { name };
     let pose = profile.pose(model, name).map_err(|error| ConfigError::key(key, error.to_string()))?;

@@ -68,6 +68,9 @@ struct Motion {
     acceleration: Twist,
 }
 
+/// Speed \[m/s\] and acceleration \[m/s2\] below which the end effector rests.
+const AT_REST: f64 = 1e-6;
+
 impl PoseReach {
     /// Prepares the segments, in their order.
     ///
@@ -296,11 +299,15 @@ impl PoseReach {
     fn start_segment(&mut self, segment: usize, goal: Isometry3<f64>, from: Motion) -> Result<(), MoveError> {
         let route = &mut self.segments[segment];
         let seconds = route.duration as f64 * 1e-9;
-        route.position.start_moving(
-            [from.position.as_slice(), from.velocity.linear.as_slice(), from.acceleration.linear.as_slice()],
-            goal.translation.vector.as_slice(),
-            seconds,
-        )?;
+        let goal_position = goal.translation.vector;
+        let (position, velocity) = (from.position, from.velocity.linear);
+        if velocity.norm() < AT_REST && from.acceleration.linear.norm() < AT_REST {
+            // From rest as its shape begins: a polynomial that took that back would bend all of the way.
+            route.position.start(position.as_slice(), goal_position.as_slice(), seconds)?;
+        } else {
+            let motion = [position.as_slice(), velocity.as_slice(), from.acceleration.linear.as_slice()];
+            route.position.start_moving(motion, goal_position.as_slice(), seconds)?;
+        }
         let turning = [from.velocity.angular, from.acceleration.angular];
         self.orientation.start_moving(from.orientation, turning, goal.rotation, seconds)?;
         self.current = segment;

@@ -25,17 +25,13 @@ fn recording(duration: f64, samples: usize) -> DMatrix<f64> {
     DMatrix::from_fn(samples, 2, |k, d| curve(duration * k as f64 / (samples - 1) as f64, duration)[d])
 }
 
-/// Root mean square of the distance between the movement of a model, started in the motion of the curve, and the curve.
+/// Root mean square of the distance between the movement of a model, started at the velocity of the curve, and the curve.
 fn reproduction_error(model: DmpModel, demonstration: &Demonstration) -> f64 {
     let duration = demonstration.duration();
     let row = |matrix: &DMatrix<f64>, k: usize| matrix.row(k).iter().copied().collect::<Vec<f64>>();
     let mut dmp = DiscreteDmp::new(model);
-    dmp.start_moving(
-        [
-            &row(demonstration.positions(), 0),
-            &row(demonstration.velocities(), 0),
-            &row(demonstration.accelerations(), 0),
-        ],
+    dmp.start_at_velocity(
+        [&row(demonstration.positions(), 0), &row(demonstration.velocities(), 0)],
         &row(demonstration.positions(), demonstration.samples() - 1),
         duration,
     )

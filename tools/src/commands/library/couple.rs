@@ -30,9 +30,6 @@ pub(super) struct Couple {
     /// Passes over all letters
     #[arg(long, default_value_t = Training::default().epochs, value_name = "N")]
     epochs: usize,
-    /// Samples of a letter
-    #[arg(long, default_value_t = 100, value_name = "N")]
-    samples: usize,
     /// Seed of the network and of the order of the letters
     #[arg(long, default_value_t = Training::default().seed)]
     seed: u64,
@@ -40,6 +37,9 @@ pub(super) struct Couple {
     #[arg(long)]
     json: bool,
 }
+
+/// Samples of a letter.
+const SAMPLES: usize = 100;
 
 impl Couple {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
@@ -50,7 +50,7 @@ impl Couple {
             "letters have two degrees of freedom, and these recordings {dofs}: choose two by --columns"
         );
         anyhow::ensure!(self.epochs > 0, "--epochs is 0, expected at least 1");
-        let spring = SampledSpring::new(self.samples, DAMPING)?;
+        let spring = SampledSpring::new(SAMPLES, DAMPING)?;
         let training = Training {
             eigenforces: self.eigenforces,
             epochs: self.epochs,

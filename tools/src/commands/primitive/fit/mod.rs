@@ -49,16 +49,9 @@ pub(super) struct Fit {
         value_name = "quintic-goal|final-velocity|classic|goal-safe"
     )]
     variant: Option<VariantArg>,
-    /// Number of kernels or basis functions for each dimension; 30 if not given. Of a kernelised primitive: of reference
-    /// points; 50 if not given
+    /// Kernels or basis functions (30), Gaussians of a kernelised primitive, or a degree (5)
     #[arg(long, value_name = "N")]
     kernels: Option<usize>,
-    /// Gaussians of the mixture behind a kernelised primitive; as many as its criterion (BIC) chooses if not given
-    #[arg(long, value_name = "N")]
-    components: Option<usize>,
-    /// Degree of a polynomial; 5 if not given
-    #[arg(long, value_name = "N")]
-    degree: Option<usize>,
     /// Method of regression; ridge (of a distribution: by EM) if not given
     #[arg(long, value_enum, hide_possible_values = true, value_name = "ridge|locally-weighted|response")]
     regression: Option<RegressionArg>,
@@ -188,9 +181,6 @@ impl Fit {
                 "--regression",
                 !matches!(self.model, Model::Kernelised | Model::Polynomial),
             ),
-            (self.kernels.is_some(), "--kernels", self.model != Model::Polynomial),
-            (self.components.is_some(), "--components", self.model == Model::Kernelised),
-            (self.degree.is_some(), "--degree", self.model == Model::Polynomial),
         ] {
             if given && !holds {
                 bail!(
@@ -297,15 +287,14 @@ impl Fit {
     }
 
     fn kernelised(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
-        let usual = KernelisedFit::default();
-        let points = self.kernels.unwrap_or(usual.points);
-        let fit = KernelisedFit { components: self.components, points, ..usual };
+        // As many Gaussians as the criterion chooses, if not given.
+        let fit = KernelisedFit { components: self.kernels, ..KernelisedFit::default() };
         let movement = KernelisedMovement::fit(&positions(shown), shown.duration, &fit)?;
         Ok(PrimitiveFile::kernelised(shown.names.clone(), movement)?)
     }
 
     fn polynomial(&self, shown: &Shown) -> anyhow::Result<PrimitiveFile> {
-        let (degree, lambda) = (self.degree.unwrap_or(DEGREE), self.penalty.unwrap_or(PENALTY));
+        let (degree, lambda) = (self.kernels.unwrap_or(DEGREE), self.penalty.unwrap_or(PENALTY));
         let movement = PolynomialMovement::fit(&positions(shown), shown.duration, degree, lambda)?;
         Ok(PrimitiveFile::polynomial(shown.names.clone(), movement))
     }
