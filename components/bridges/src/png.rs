@@ -100,7 +100,7 @@ mod tests {
         for row in rows.chunks(bytes_per_row + 1) {
             let from = pixels.len();
             for (at, byte) in row[1..].iter().enumerate() {
-                let before = |back: usize| from.checked_sub(back).map_or(0, |start| pixels[start + at]);
+                let before = |back: usize| (from + at).checked_sub(back).map_or(0, |start| pixels[start]);
                 let left = if at < 3 { 0 } else { pixels[from + at - 3] };
                 let corner = if at < 3 { 0 } else { before(bytes_per_row + 3) };
                 let expected = match row[0] {

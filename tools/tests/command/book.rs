@@ -192,6 +192,16 @@ fn quoted(text: &str) -> BTreeSet<String> {
 
 /// All keys that a schema describes, with those of the definitions it refers to.
 fn keys(schema: &Json, root: &Json, found: &mut BTreeSet<String>) {
+    keys_within(schema, root, &mut BTreeSet::new(), found);
+}
+
+/// The same; definitions that are `known` already are left out, since some contain themselves.
+fn keys_within<'a>(
+    schema: &'a Json,
+    root: &'a Json,
+    known: &mut BTreeSet<&'a str>,
+    found: &mut BTreeSet<String>,
+) {
     match schema {
         Json::Object(object) => {
             if let Some(Json::Object(properties)) = object.get("properties") {
@@ -200,13 +210,13 @@ fn keys(schema: &Json, root: &Json, found: &mut BTreeSet<String>) {
             if let Some(name) = object.get("$ref").and_then(Json::as_str) {
                 let target = root.pointer(name.trim_start_matches('#')).expect("references lead somewhere");
                 // Primitives are described in the library, not in the book.
-                if !name.ends_with("StoredModel") {
-                    keys(target, root, found);
+                if !name.ends_with("StoredModel") && known.insert(name) {
+                    keys_within(target, root, known, found);
                 }
             }
-            object.values().for_each(|value| keys(value, root, found));
+            object.values().for_each(|value| keys_within(value, root, known, found));
         }
-        Json::Array(items) => items.iter().for_each(|item| keys(item, root, found)),
+        Json::Array(items) => items.iter().for_each(|item| keys_within(item, root, known, found)),
         _ => {}
     }
 }

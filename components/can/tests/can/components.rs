@@ -88,6 +88,11 @@ pub(super) fn command() -> JointCommand {
 
 /// The same without anybody who commands, and without the kind of the adapter.
 pub(super) fn bare_graph(folder: &Folder, simulation: &str, safety: &str) -> Graph {
+    pushed_graph(folder, "pushes = []", simulation, safety)
+}
+
+/// The same, with pushes on the arm.
+fn pushed_graph(folder: &Folder, pushes: &str, simulation: &str, safety: &str) -> Graph {
     let text = format!(
         r#"
 name  = "can"
@@ -102,7 +107,7 @@ robot     = "arm"
 rate      = "4 kHz"
 subscribe = {{ joint_command = "arm/efforts" }}
 publish   = {{ joint_state = "arm/true_state" }}
-config    = {{ plant = true, position = [0.3, 0.8, -0.8] }}
+config    = {{ plant = true, position = [0.3, 0.8, -0.8], {pushes} }}
 
 [component.drives]
 kind      = "can.drive_sim"
@@ -177,7 +182,10 @@ fn behind_a_soft_drivetrain_a_drive_measures_its_motor_and_the_joint_lies_off_by
     let folder = Folder::new("soft", DRIVES);
     let measured = Probe::<JointState>::of("arm/state");
     let truth = Probe::<JointState>::of("arm/true_state");
-    let report = graph(&folder, soft, "").with(&measured).with(&truth).run("4 s").unwrap();
+    let commands = Source::new("commands", "arm/command", |_| Some(command()));
+    let push = r#"pushes = [{ at = "0 s", duration = "10 s", link = "link3", force = [0.0, 12.0, 0.0] }]"#;
+    let pushed = pushed_graph(&folder, push, soft, "").kind::<CanAdapter>().with(commands);
+    let report = pushed.with(&measured).with(&truth).run("4 s").unwrap();
     assert_eq!(adapter(&report)["missing_replies"], 0, "{}", adapter(&report));
     let drives = report.components.iter().find(|component| component.name == "drives").unwrap();
     assert_eq!(drives.allocations, Some(0));
@@ -188,7 +196,7 @@ fn behind_a_soft_drivetrain_a_drive_measures_its_motor_and_the_joint_lies_off_by
         // to the resolution of 16 bits over 25 rad, behind the gear
         assert!((twist - expected).abs() < 2e-4, "joint {joint}: {twist}, {expected}");
     }
-    assert!(truth.effort()[0].abs() > 1.0, "the weight of the arm bends it: {:?}", truth.effort());
+    assert!(truth.effort()[0].abs() > 1.0, "the push bends it: {:?}", truth.effort());
     assert_eq!(run("soft-1", soft, "1 s").state_hash, run("soft-2", soft, "1 s").state_hash);
 }
 
