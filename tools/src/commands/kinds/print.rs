@@ -115,7 +115,7 @@ fn parameter(text: &mut String, parameter: &ParameterDeclaration) {
         ParameterValue::Float(value) => short(*value),
         other => other.to_string(),
     };
-    let _ = writeln!(text, "  {}  {facts}; default {default}", style::strong(&parameter.name));
+    entry(text, &parameter.name, &format!("{facts}; default {default}"));
     paragraph(text, 6, &parameter.doc);
 }
 
@@ -134,7 +134,7 @@ fn key(text: &mut String, key: &Key) {
     if let Some(default) = key.default.as_ref().filter(|_| !key.description.contains("efault")) {
         facts += &format!("; default {}", value(default));
     }
-    let _ = writeln!(text, "  {}  {facts}", style::strong(&key.key));
+    entry(text, &key.key, &facts);
     paragraph(text, 6, &key.description);
 }
 
@@ -159,6 +159,15 @@ fn short(number: f64) -> String {
         1e-3..1e6 => number.to_string(),
         _ => format!("{number:e}"),
     }
+}
+
+/// A name and its facts, which go on in further lines where one is too short.
+fn entry(text: &mut String, name: &str, facts: &str) {
+    let room = WIDTH.saturating_sub(name.chars().count() + 4);
+    let first = wrapped(facts, room).into_iter().next().unwrap_or_default();
+    let rest = facts.split_whitespace().skip(first.split_whitespace().count()).collect::<Vec<_>>().join(" ");
+    let _ = writeln!(text, "  {}  {first}", style::strong(name));
+    paragraph(text, 6, &rest);
 }
 
 fn paragraph(text: &mut String, indent: usize, words: &str) {
