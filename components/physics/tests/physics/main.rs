@@ -21,6 +21,7 @@ mod legged;
 mod mujoco;
 mod mujoco_properties;
 mod panda;
+mod piles;
 mod pushes;
 mod randomise;
 mod robots_of_others;
