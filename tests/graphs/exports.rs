@@ -224,5 +224,5 @@ fn a_plot_is_a_picture_that_the_standard_reader_accepts() {
     let bytes = std::fs::read(&picture).expect("written");
     assert!(bytes.starts_with(b"\x89PNG\r\n\x1a\n") && bytes.len() < 400_000, "{} bytes", bytes.len());
     let Some(python) = python("zlib") else { return };
-    assert_eq!(printed(&python, PICTURE, &[&picture]), "1520 880 True True\n");
+    assert_eq!(printed(&python, PICTURE, &[&picture]), "1640 880 True True\n");
 }

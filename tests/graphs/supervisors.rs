@@ -117,6 +117,8 @@ fn a_stopped_guard_is_replaced_and_the_new_one_guards() {
     await_that("another guard", || run.guard() != first);
     await_end(first);
     let second = run.guard();
+    // The launcher prints on a thread of its own, which dies with it.
+    std::thread::sleep(Duration::from_millis(300));
     kill(run.launcher());
     await_end(second);
     let ended = run.finish();
