@@ -51,6 +51,7 @@ pub const MAX_IMPULSES: usize = 128;
 counted_buffer! {
     /// Impulses of all contacts and pushes on links of a robot, added up since the start of the episode: of two values the difference is
     /// the impulse between them, however many steps lie there.
+    /// Vectors are in the axes of the world.
     ///
     /// ```
     /// use motorium::state::ContactImpulses;

@@ -39,7 +39,7 @@ pub struct Recording {
     map: Mmap,
     topics: Vec<RecordedTopic>,
     pictures: Vec<RecordedPictures>,
-    /// What the messages of a channel are, by its number.
+    /// Kind of the messages of each channel, by the number of the channel.
     pub(super) of_channel: BTreeMap<u16, Source>,
     attachments: Vec<(String, Vec<u8>)>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,

@@ -98,7 +98,7 @@ impl Servo {
         if protocol != self.protocol {
             return None;
         }
-        // any packet feeds it, whoever it is for
+        // a packet to any servo feeds the watchdog
         self.watchdog.fed_ns = now_ns;
         let is_meant = servo == self.number;
         match instruction {

@@ -158,7 +158,7 @@ impl Coupling {
     }
 }
 
-/// What is left to be read.
+/// Bytes that are not read yet.
 struct Content<'a> {
     rest: &'a [u8],
 }

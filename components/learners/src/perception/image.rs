@@ -26,7 +26,7 @@ pub enum ImageError {
     Format {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// Description of the defect.
         problem: String,
     },
     /// A picture of one grey.

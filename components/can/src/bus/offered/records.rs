@@ -56,7 +56,7 @@ impl Record {
         bytes[..4].copy_from_slice(&id.to_le_bytes());
     }
 
-    /// Reads a record; `None` for one that is none.
+    /// Reads a record; `None` for bytes that are not a record.
     pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
         let bytes: &[u8; RECORD] = bytes.try_into().ok()?;
         let id = u32::from_le_bytes(*bytes.first_chunk()?);

@@ -72,7 +72,7 @@ impl Actuation {
     pub(super) fn effort(&mut self, wanted: f64, brake: f64, joint: Motor, h: f64) -> Effort {
         let acting = self.delay.acting(wanted);
         self.delay.advance(wanted, h);
-        // A brake is none of the motor's doing: it takes part in its limits where it stands on the same shaft alone.
+        // The motor does not make the effort of a brake: that counts within the motor's limits only where both are on one shaft.
         let command = DriveCommand { kd: brake, ..DriveCommand::effort(acting) };
         if let Some(law) = self.actuator.joint_law(&command, joint, h) {
             self.command = Some(command);

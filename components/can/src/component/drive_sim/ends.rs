@@ -15,7 +15,7 @@ use crate::{Frame, Report, Table};
 pub(super) enum Ends {
     /// Topics, one batch for all buses.
     Topics(Box<Topics>),
-    /// What each bus is offered on.
+    /// Sockets and terminals on which each bus is offered.
     Offers(Offers),
 }
 
