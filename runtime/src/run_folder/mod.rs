@@ -98,13 +98,18 @@ impl RunFolder {
             fs::DirBuilder::new().mode(0o700).create(&path).map(|()| path)
         };
         let runs = place::make()?;
-        let path = match make(runs.clone()) {
-            // The last other run has just ended, and its folder with it.
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => make(place::make()?),
-            made => made,
-        };
-        let mut this = Self { path: path.map_err(io(&runs))?, id, locks: None };
-        let made = this.hold().and_then(|()| this.fill(plan));
+        let mut this = Self { path: runs.join(&id), id: id.clone(), locks: None };
+        let made = this.domain().and_then(|domain| Ok(domain.prepare()?)).and_then(|()| {
+            // From here on others see the run, and may join its domain.
+            this.path = match make(runs.clone()) {
+                // The last other run has just ended, and its folder with it.
+                Err(error) if error.kind() == std::io::ErrorKind::NotFound => make(place::make()?),
+                made => made,
+            }
+            .map_err(io(&runs))?;
+            this.hold()?;
+            this.fill(plan)
+        });
         if made.is_err() {
             this.remove();
         }
@@ -116,7 +121,6 @@ impl RunFolder {
         let text = serde_json::to_vec(plan)
             .map_err(|error| RunFolderError::Plan { path: file.clone(), reason: error.to_string() })?;
         write_private(&file, &text).map_err(io(&file))?;
-        self.domain()?.prepare()?;
         let region = Region::create(&self.path.join("region"), plan)?;
         region.header().launcher.store(std::process::id(), Relaxed);
         Ok(region)
