@@ -8,6 +8,8 @@
 //! $ cargo run --release --example tune_trot -- --episodes 200
 //! ```
 
+use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -29,7 +31,7 @@ struct Arguments {
     /// Gaits to try
     #[arg(long, default_value_t = 200)]
     episodes: usize,
-    /// Sessions at a time, one on each core; all cores if not given
+    /// Sessions at a time, one on each core that the program may run on; all of those if not given
     #[arg(long)]
     sessions: Option<usize>,
     /// Simulated time of an episode, s
@@ -191,28 +193,33 @@ fn distance(session: &mut Session<'_>, legs: &Legs, gait: &Gait, seconds: f64) -
     Ok(here - start.unwrap_or(here))
 }
 
-/// Tries gaits on `sessions` cores at once; the distance of each, m.
+/// Tries gaits, in a session on each of these cores at once.
 struct Trial<'a> {
     plan: &'a Plan,
     legs: &'a Legs,
-    sessions: usize,
+    cores: &'a [usize],
     seconds: f64,
 }
 
+/// A gait of a generation, by their numbers.
+type Place = (usize, usize);
+
 impl Trial<'_> {
-    /// Tries whatever `ask` gives until that is nothing, generation by generation.
+    /// Tries the generations that `ask` gives, until one is empty, and tells the distances of each in order, m. The next
+    /// generation is always asked for before a generation is told, so that no core waits for the last gait of one.
     fn run(
         &self,
-        mut generations: impl FnMut(&mut dyn FnMut(&[Vec<f64>]) -> anyhow::Result<Vec<f64>>) -> anyhow::Result<()>,
+        mut ask: impl FnMut() -> Vec<Vec<f64>>,
+        mut tell: impl FnMut(&[Vec<f64>], &[f64]),
     ) -> anyhow::Result<()> {
         std::thread::scope(|scope| {
             // whichever session is free takes the next gait
-            let (request, requested) = unbounded::<(usize, Gait)>();
-            let (answer, answered) = unbounded::<anyhow::Result<(usize, f64)>>();
-            for core in 0..self.sessions {
+            let (request, requested) = unbounded::<(Place, Gait)>();
+            let (answer, answered) = unbounded::<anyhow::Result<(Place, f64)>>();
+            for core in self.cores {
                 let (requested, answer) = (requested.clone(), answer.clone());
                 scope.spawn(move || {
-                    let options = Options::inline().on_core(core).standing_in_for(POLICY);
+                    let options = Options::inline().on_core(*core).standing_in_for(POLICY);
                     let mut session = match Session::launch(self.plan.clone(), &registry(), &options) {
                         Ok(session) => session,
                         Err(error) => {
@@ -220,9 +227,9 @@ impl Trial<'_> {
                             return;
                         }
                     };
-                    for (index, gait) in requested {
+                    for (place, gait) in requested {
                         let reached = distance(&mut session, self.legs, &gait, self.seconds);
-                        if answer.send(reached.map(|distance| (index, distance))).is_err() {
+                        if answer.send(reached.map(|distance| (place, distance))).is_err() {
                             break;
                         }
                     }
@@ -230,21 +237,61 @@ impl Trial<'_> {
                 });
             }
             drop((requested, answer));
-            let mut evaluate = |candidates: &[Vec<f64>]| -> anyhow::Result<Vec<f64>> {
-                for (index, numbers) in candidates.iter().enumerate() {
-                    request.send((index, Gait::of(numbers))).context("the sessions have ended")?;
+            let (mut asked, mut told) = (0, 0);
+            let mut generations = VecDeque::new();
+            loop {
+                while generations.len() < 2 {
+                    let generation = Generation::of(ask());
+                    for (index, numbers) in generation.candidates.iter().enumerate() {
+                        request
+                            .send(((asked, index), Gait::of(numbers)))
+                            .context("the sessions have ended")?;
+                    }
+                    generations.push_back(generation);
+                    asked += 1;
                 }
-                let mut distances = vec![0.0; candidates.len()];
-                for _ in candidates {
-                    let (index, distance) = answered.recv().context("the sessions have ended")??;
-                    distances[index] = distance;
+                if generations[0].candidates.is_empty() {
+                    drop(request);
+                    return Ok(());
                 }
-                Ok(distances)
-            };
-            let result = generations(&mut evaluate);
-            drop(request);
-            result
+                while generations[0].missing > 0 {
+                    let ((number, index), distance) =
+                        answered.recv().context("the sessions have ended")??;
+                    generations[number - told].take(index, distance);
+                }
+                if let Some(generation) = generations.pop_front() {
+                    tell(&generation.candidates, &generation.distances);
+                    told += 1;
+                }
+            }
         })
+    }
+}
+
+/// The gaits of a generation, and how far those went that were tried.
+struct Generation {
+    candidates: Vec<Vec<f64>>,
+    distances: Vec<f64>,
+    missing: usize,
+}
+
+impl Generation {
+    fn of(candidates: Vec<Vec<f64>>) -> Self {
+        Self { distances: vec![0.0; candidates.len()], missing: candidates.len(), candidates }
+    }
+
+    fn take(&mut self, index: usize, distance: f64) {
+        self.distances[index] = distance;
+        self.missing -= 1;
+    }
+}
+
+/// The cores that this program may run on.
+fn allowed_cores() -> Vec<usize> {
+    let online = Machine::detect().cores().to_vec();
+    match rustix::thread::sched_getaffinity(None) {
+        Ok(allowed) => online.into_iter().filter(|core| allowed.is_set(*core)).collect(),
+        Err(_) => online,
     }
 }
 
@@ -256,32 +303,37 @@ fn main() -> anyhow::Result<()> {
     let checked = graph::check(&file, text, &settings, &registry(), &Machine::detect())
         .map_err(|error| anyhow::anyhow!(error.render(false)))?;
     let legs = Legs::of(&checked.plan)?;
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let sessions = arguments.sessions.unwrap_or(cores).clamp(1, cores);
+    // those that the program may run on: `taskset` leaves it fewer
+    let cores = allowed_cores();
+    let sessions = arguments.sessions.unwrap_or(cores.len()).clamp(1, cores.len());
     let seconds = arguments.seconds.max(EASE + 0.5);
-    let trial = Trial { plan: &checked.plan, legs: &legs, sessions, seconds };
+    let trial = Trial { plan: &checked.plan, legs: &legs, cores: &cores[..sessions], seconds };
     let (mean, deviation) = (Gait::START.to_vec(), Gait::DEVIATION.to_vec());
     let settings = CrossEntropySettings::default();
-    let mut search = CrossEntropy::new(mean, deviation, Gait::BOUNDS.to_vec(), settings, arguments.seed);
-    let mut first = 0.0;
+    let search = CrossEntropy::new(mean, deviation, Gait::BOUNDS.to_vec(), settings, arguments.seed);
+    let search = RefCell::new(search);
+    let mut first = None;
+    let episodes = arguments.episodes.max(1);
+    let (mut left_to_ask, mut left_to_tell) = (episodes, episodes);
     let began = Instant::now();
-    trial.run(|evaluate| {
-        let mut left = arguments.episodes.max(1);
-        while left > 0 {
-            let generation = search.ask(GENERATION.min(left));
-            let distances = evaluate(&generation)?;
-            if left == arguments.episodes.max(1) {
-                first = distances[0];
-            }
-            search.tell(&generation, &distances);
-            left -= generation.len();
+    trial.run(
+        || {
+            let count = GENERATION.min(left_to_ask);
+            left_to_ask -= count;
+            search.borrow_mut().ask(count)
+        },
+        |generation, distances| {
+            let mut search = search.borrow_mut();
+            first.get_or_insert(distances[0]);
+            search.tell(generation, distances);
+            left_to_tell -= generation.len();
             let best = search.best().map_or(0.0, |(_, distance)| distance);
-            println!("{left:>5} episodes left, best {:.3} m/s", best / seconds);
-        }
-        Ok(())
-    })?;
+            println!("{left_to_tell:>5} episodes left, best {:.3} m/s", best / seconds);
+        },
+    )?;
     let took = began.elapsed().as_secs_f64();
-    let (best, reached) = search.best().context("no gait was tried")?;
+    let search = search.into_inner();
+    let ((best, reached), first) = search.best().zip(first).context("no gait was tried")?;
     let Gait { frequency, amplitude, duty, phase } = Gait::of(best);
     println!("before: {:.3} m/s", first / seconds);
     println!(
@@ -290,8 +342,8 @@ fn main() -> anyhow::Result<()> {
     );
     println!(
         "{:.2} episodes of {seconds} s per second, {:.1} times real time, {sessions} sessions",
-        arguments.episodes as f64 / took,
-        arguments.episodes as f64 * seconds / took
+        episodes as f64 / took,
+        episodes as f64 * seconds / took
     );
     Ok(())
 }
