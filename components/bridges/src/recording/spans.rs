@@ -69,7 +69,8 @@ impl Spans {
     /// The duration of each episode, ns: that of the plan unless it was over before.
     fn lengths(&self, recorded: &Plan) -> impl Iterator<Item = u64> {
         let start_ns = self.start_ns(recorded);
-        let period_ns = recorded.components.iter().map(|component| component.activation.period_ns()).max();
+        let publishing = recorded.components.iter().filter(|component| !component.outputs.is_empty());
+        let period_ns = publishing.map(|component| component.activation.period_ns()).max();
         let planned_ns = Self::planned_ns(recorded);
         self.last_ns.iter().map(move |last_ns| {
             // The last sample is at most a period before the end.
