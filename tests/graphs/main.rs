@@ -24,6 +24,7 @@ mod places;
 mod program;
 mod programs;
 mod recording;
+mod replays;
 mod runs;
 mod sessions;
 mod siblings;

@@ -6,7 +6,7 @@ use std::process::{Command, Output, Stdio};
 use crate::MOTORIUM;
 use crate::support::{machine, run, workspace};
 
-fn motorium(arguments: &[&str]) -> Output {
+pub(crate) fn motorium(arguments: &[&str]) -> Output {
     Command::new(MOTORIUM)
         .args(arguments)
         .current_dir(workspace())
@@ -15,12 +15,12 @@ fn motorium(arguments: &[&str]) -> Output {
         .expect("motorium starts")
 }
 
-fn text(path: &Path) -> &str {
+pub(crate) fn text(path: &Path) -> &str {
     path.to_str().expect("a path of text")
 }
 
 /// Records a graph in lockstep; gives its recording.
-fn recorded(folder: &Path, graph: &str, arguments: &[&str]) -> PathBuf {
+pub(crate) fn recorded(folder: &Path, graph: &str, arguments: &[&str]) -> PathBuf {
     let file = folder.join("a.mcap");
     let arguments = [&["--clock", "lockstep", "--record", text(&file)], arguments].concat();
     let ended = run(&workspace().join("graphs").join(graph), &arguments);
@@ -30,8 +30,8 @@ fn recorded(folder: &Path, graph: &str, arguments: &[&str]) -> PathBuf {
     file
 }
 
-fn verified(file: &Path) -> (Option<i32>, String) {
-    let output = motorium(&["replay", text(file), "--verify"]);
+pub(crate) fn verified(file: &Path, arguments: &[&str]) -> (Option<i32>, String) {
+    let output = motorium(&[&["replay", text(file), "--verify"], arguments].concat());
     let said = [output.stdout, output.stderr].concat();
     (output.status.code(), String::from_utf8_lossy(&said).into_owned())
 }
@@ -42,7 +42,7 @@ fn an_arm_a_quadruped_and_two_arms_run_again_to_the_last_bit() {
     let folder = tempfile::tempdir().expect("a folder");
     for graph in ["panda-reach.toml", "quadruped-trot.toml", "two-arms.toml"] {
         let file = recorded(folder.path(), graph, &["--for", "400 ms"]);
-        let (code, said) = verified(&file);
+        let (code, said) = verified(&file, &[]);
         assert_eq!(code, Some(0), "{graph}: {said}");
         assert!(said.contains("are equal to the last bit"), "{said}");
     }
@@ -70,7 +70,7 @@ fn a_damaged_value_is_found_and_told_with_its_topic_and_field() {
     let position = message.windows(8).position(|part| part == &sample.bytes[..8]).expect("the first number");
     bytes[place + position] ^= 1;
     std::fs::write(&file, bytes).expect("written");
-    let (code, said) = verified(&file);
+    let (code, said) = verified(&file, &[]);
     assert_eq!(code, Some(1), "{said}");
     let sequence = sample.stamp.sequence;
     assert!(
@@ -96,6 +96,29 @@ fn a_controller_runs_on_the_recorded_sensors() {
     assert_eq!(controller["steps"], 300);
     let unknown = motorium(&["replay", text(&file), "--live", "contoller"]);
     assert!(String::from_utf8_lossy(&unknown.stderr).contains("no component `contoller`"));
+}
+
+#[test]
+fn the_cost_of_a_recording_is_told_for_each_latency_and_each_component() {
+    let _machine = machine();
+    let graph = workspace().join("graphs/panda-reach.toml");
+    let output = motorium(&["bench", "recording", text(&graph), "--turns", "2", "--for", "300 ms", "--json"]);
+    let told: serde_json::Value = serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|_| panic!("{}", String::from_utf8_lossy(&output.stderr)));
+    let times = told["times"].as_array().expect("times");
+    let names: Vec<&str> = times.iter().filter_map(|row| row["name"].as_str()).collect();
+    let expected =
+        ["panda/true_joint_state -> panda/joint_command", "physics", "encoder", "policy", "controller"];
+    assert_eq!(names, expected);
+    for row in times {
+        let of = |side: &str| -> f64 {
+            let turns = row["p50"][side].as_array().expect("turns");
+            assert_eq!(turns.len(), 2);
+            turns.iter().filter_map(serde_json::Value::as_f64).sum()
+        };
+        let ratio = row["p50"]["ratio"].as_f64().expect("a ratio");
+        assert!((ratio - of("with_ns") / of("without_ns")).abs() < 1e-12, "{row}");
+    }
 }
 
 /// A disk that is full: files of this process can have a megabyte, the shared memory of a run needs less.
@@ -230,7 +253,7 @@ fn the_reader_of_mcap_for_python_sees_the_ball_in_the_middle_and_depths_in_metre
         assert_eq!(lines.len(), 3, "{graph}: {lines:?}\n{errors}");
         assert_eq!((lines[0], lines[2]), (expected[0], expected[2]), "{graph}: {lines:?}");
         assert_eq!(lines[1], format!("foxglove.CameraCalibration 160 120 {}", expected[1]), "{graph}");
-        let (code, said) = verified(&file);
+        let (code, said) = verified(&file, &[]);
         assert_eq!(code, Some(0), "{graph}: {said}");
     }
 }

@@ -15,7 +15,12 @@ use serde::Deserialize;
 /// and reader of robotics opens; `socketcan`, with which drives reach the kernel's buses (seven crates); and `can-dbc`, which
 /// reads the databases of their messages (14 crates: a grammar for `pest`, and the encodings of old files); and
 /// `miniz_oxide`, which unpacks pictures that are terrain (two crates; the crate `png` brings four more).
-const CEILING: usize = 280;
+///
+/// What goes with each subtree, where all others stay: iceoryx2 32, `mcap` and `foxglove` 26, `ratatui` 26, serde, its formats and
+/// schemas 19, the crates of the project 16, `parry3d` and `rapier3d` 15, clap 14, `can-dbc` 14, `clarabel` 14, `urdf-rs` 9,
+/// `nalgebra` 7, `socketcan` 7, `prometheus-client` 3. Without the screen of `top`, databases of CAN messages, cones, URDF, the
+/// kernel's buses and metrics, 75 crates fewer, there are still 201.
+const CEILING: usize = 276;
 
 /// Crates that `cargo build --release -p motorium-view` may compile, counted in the same way. It is a program of its own for their
 /// sake: Foxglove's server runs on tokio.

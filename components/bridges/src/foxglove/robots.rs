@@ -95,7 +95,8 @@ fn prefix(plan: &Plan, robot: &str) -> String {
     if robots(plan).len() == 1 { String::new() } else { format!("{robot}/") }
 }
 
-fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
+/// Loads a robot of a plan.
+pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
     let source = RobotSource {
         name: &robot.name,
         text: &robot.urdf,

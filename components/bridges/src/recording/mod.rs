@@ -18,6 +18,7 @@ mod analysis;
 mod batch;
 mod component;
 mod csv;
+mod ease;
 mod entries;
 mod file;
 mod head;
@@ -26,9 +27,11 @@ mod machine;
 mod reader;
 mod recorder;
 mod recover;
+mod replaced;
 mod replay;
 mod score;
 mod signals;
+mod spans;
 mod table;
 mod verify;
 
@@ -41,7 +44,8 @@ pub use lerobot::{
 };
 pub use reader::{ReadError, RecordedPictures, RecordedTopic, Recording};
 pub use recover::{Recovered, recover};
-pub use replay::{Replay, ReplayConfig, loggers, replaced, replay_kind};
+pub use replaced::{ease_in, loggers, replaced, replayed};
+pub use replay::{Eased, Replay, ReplayConfig, replay_kind};
 pub use score::{
     GoalScore, JointScore, JointsScore, PoseScore, Score, Tolerance, score, spectral_arc_length,
 };

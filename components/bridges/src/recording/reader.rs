@@ -115,6 +115,14 @@ pub enum ReadError {
         /// The error.
         source: Box<DerivedError>,
     },
+    /// The recording does not hold what was asked for.
+    #[error("{path}: {reason}", path = .path.display())]
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// The part that is missing, and what there is.
+        reason: String,
+    },
     /// The file is no recording of motorium.
     #[error("{path} is no recording of this version of motorium: {reason}", path = .path.display())]
     Foreign {

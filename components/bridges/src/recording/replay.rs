@@ -3,14 +3,19 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
-use motorium::declare::{ClockKind, TopicPattern};
-use motorium::plan::{Activation, ComponentPlan, Plan, PortPlan, Program};
+use motorium::component::EpisodeEnd;
+use motorium::declare::{ClockKind, RobotReference, TopicPattern};
+use motorium::plan::{ComponentPlan, Plan, PortPlan};
 use motorium::prelude::*;
 use motorium::state::Stamp;
 use motorium::transport::{RawInput, RawOutput};
+use motorium::units::TimeSpan;
 use motorium::worker::Kind;
 
-use super::{ReadError, Recording};
+use super::ease::{Ease, EaseError, rates};
+use super::spans::Spans;
+use super::{EVENTS, ReadError, Recording};
+use crate::foxglove::robot_of_topic;
 
 /// Configuration of `log.replay`.
 ///
@@ -25,16 +30,63 @@ pub struct ReplayConfig {
     pub recording: PathBuf,
     /// Name of the component in the recorded graph. Its ports are those of this one.
     pub component: String,
+    /// Index of the one episode that is replayed. Default all, one after the other.
+    #[serde(default)]
+    pub episode: Option<u64>,
+    /// Time that passes before the recording begins. Default none.
+    #[serde(default)]
+    pub lead: TimeSpan,
+    /// Time that passes behind its end. Default none.
+    #[serde(default)]
+    pub ramp_down: TimeSpan,
+    /// Ports of joint commands that bring a robot to the start pose within the lead, and to rest within `ramp_down`. Default
+    /// none.
+    #[serde(default)]
+    pub eased: Vec<Eased>,
+}
+
+/// A port of joint commands that a robot follows which is not at the pose where the recording begins.
+///
+/// ```
+/// let eased = motorium_bridges::recording::Eased { port: "joint_command".into(), measured: "joint_state".into() };
+/// assert_eq!(serde_json::to_value(eased).unwrap()["measured"], "joint_state");
+/// ```
+#[derive(Debug, Clone, serde::Deserialize, serde::Serialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Eased {
+    /// The port of the commands.
+    pub port: String,
+    /// The port at which the component reads the measured joint states.
+    pub measured: String,
 }
 
 /// A component that publishes what a recording has of another, at the times of the recording since its start.
 pub struct Replay {
-    outputs: Vec<(RawOutput, VecDeque<Recorded>)>,
-    inputs: Vec<RawInput>,
+    outputs: Vec<Replayed>,
+    /// The value that causes its own, and measured joint states.
+    inputs: Vec<(String, RawInput)>,
     is_lockstep: bool,
     episode: u64,
+    /// The ends of episodes that were over before the plan says, ns, and the right to end them.
+    ends: Vec<Option<u64>>,
+    end: Option<EpisodeEnd>,
+    counts: Counts,
+}
+
+/// An output, and what is left to be published there.
+struct Replayed {
+    output: RawOutput,
+    queue: VecDeque<Recorded>,
+    /// The commands around those of the recording, and the port of the measured joint states.
+    ease: Option<(Ease, String)>,
+}
+
+#[derive(Default)]
+struct Counts {
     published: u64,
     refused: u64,
+    /// Samples of episodes that were over before they were due.
+    left: u64,
 }
 
 /// A sample that is to be published; its times are since the start of its episode.
@@ -61,6 +113,7 @@ impl Component for Replay {
         for port in states(component) {
             declare.raw_output(&port.port, port.layout.clone(), "as it was recorded");
         }
+        declare.may_end_episodes();
         Ok(())
     }
 
@@ -77,108 +130,169 @@ impl Component for Replay {
             if own.outputs.iter().any(|output| output.port == port.port && output.topic.is_some()) {
                 let topic = port.topic.and_then(|topic| recording.topic(&recorded.topics[topic].name));
                 queues.push((topic, VecDeque::new()));
-                outputs.push(setup.raw_output(&port.port)?);
+                outputs.push((port.port.clone(), setup.raw_output(&port.port)?));
             }
         }
-        let start_ns = start_of(&recording, &recorded).map_err(ConfigureError::failed)?;
+        let mut spans = Spans::new(config.episode);
         for sample in recording.samples() {
             let sample = sample.map_err(ConfigureError::failed)?;
+            if recording.topics()[sample.topic].name == EVENTS {
+                continue;
+            }
+            let Some(episode) = spans.add(&sample.stamp) else { continue };
             let Some((_, queue)) = queues.iter_mut().find(|(topic, _)| *topic == Some(sample.topic)) else {
                 continue;
             };
-            let Stamp { episode, publish_time, source_time, .. } = sample.stamp;
+            let Stamp { publish_time, source_time, .. } = sample.stamp;
             queue.push_back(Recorded {
                 episode,
-                due_ns: publish_time.saturating_sub(start_ns),
+                due_ns: publish_time,
                 age_ns: publish_time.saturating_sub(source_time),
                 bytes: sample.bytes,
             });
         }
-        // What it reads is not looked at: the times of the values that caused its own are.
-        let cause = own.cause.map(|index| &own.inputs[index]);
-        let inputs = cause.filter(|input| single(input)).map(|input| setup.raw_input(&input.port));
+        let start_ns = spans.start_ns(&recorded);
+        for value in queues.iter_mut().flat_map(|(_, queue)| queue) {
+            value.due_ns = value.due_ns.saturating_sub(start_ns) + config.lead.ns;
+        }
+        let around_ns = config.lead.ns + config.ramp_down.ns;
+        let ends = spans.early_ends(&recorded).into_iter().map(|end| Some(end? + around_ns)).collect();
+        // What it reads is not looked at: the times of the values that caused its own are, and measured joint states.
+        let cause = own.cause.map(|index| &own.inputs[index].port);
+        let is_read =
+            |port: &String| cause == Some(port) || config.eased.iter().any(|eased| eased.measured == *port);
+        let mut inputs = Vec::new();
+        for input in own.inputs.iter().filter(|input| single(input) && is_read(&input.port)) {
+            inputs.push((input.port.clone(), setup.raw_input(&input.port)?));
+        }
+        let robot = |port: &String| {
+            let topic = own.outputs.iter().find(|output| output.port == *port)?.topic?;
+            robot_of_topic(observer.plan(), topic)
+        };
+        let mut replayed = Vec::new();
+        for ((port, output), (_, queue)) in outputs.into_iter().zip(queues) {
+            let eased = config.eased.iter().find(|eased| eased.port == port);
+            let ease = eased
+                .map(|eased| eased.around(robot(&port), &queue, spans.count(), config.ramp_down))
+                .transpose();
+            let ease = ease.map_err(|error| ConfigureError::failed(format!("output `{port}`: {error}")))?;
+            replayed.push(Replayed { output, queue, ease: ease.flatten() });
+        }
         Ok(Self {
-            outputs: outputs.into_iter().zip(queues).map(|(output, (_, queue))| (output, queue)).collect(),
-            inputs: inputs.into_iter().collect::<Result<_, _>>()?,
+            outputs: replayed,
+            inputs,
             is_lockstep: observer.plan().clock == ClockKind::Lockstep,
             episode: 0,
-            published: 0,
-            refused: 0,
+            ends,
+            end: setup.episode_end(),
+            counts: Counts::default(),
         })
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        for input in &mut self.inputs {
-            let _ = input.next_unread();
-        }
         // In real time a sample that was published just after its step is due in it again.
         let until_ns = match self.is_lockstep {
             true => tick.time_ns,
             false => tick.deadline_ns,
         };
-        for (output, queue) in &mut self.outputs {
+        for (port, input) in &mut self.inputs {
+            let Some(read) = input.next_unread() else { continue };
+            for (ease, measured) in self.outputs.iter_mut().filter_map(|replayed| replayed.ease.as_mut()) {
+                if *measured == *port && ease.needs_start() {
+                    ease.begin(read.bytes, until_ns).map_err(|error| StepError::failed(error.to_string()))?;
+                }
+            }
+        }
+        for Replayed { output, queue, ease } in &mut self.outputs {
             let mut newest = None;
-            while queue.front().is_some_and(|next| {
-                next.episode < self.episode || (next.episode == self.episode && next.due_ns <= until_ns)
-            }) {
+            while queue.front().is_some_and(|next| next.episode == self.episode && next.due_ns <= until_ns) {
                 // Publications of one step are told apart by nobody but a tap: all of them go out.
                 if let Some(value) = newest.replace(queue.pop_front()).flatten() {
-                    publish(output, &value, tick, self.is_lockstep, &mut self.published, &mut self.refused);
+                    publish(output, &value, tick, self.is_lockstep, &mut self.counts);
                 }
             }
             if let Some(value) = newest.flatten() {
-                publish(output, &value, tick, self.is_lockstep, &mut self.published, &mut self.refused);
+                publish(output, &value, tick, self.is_lockstep, &mut self.counts);
+            } else if let Some((ease, _)) = ease
+                && ease.is_due(until_ns)
+                && let Some(command) = ease.command(until_ns)
+                && output.publish(command).is_err()
+            {
+                self.counts.refused += 1;
             }
+        }
+        let is_over = |end_ns: &u64| tick.time_ns >= *end_ns;
+        if let Some(end) = &self.end
+            && self.ends.get(self.episode as usize).copied().flatten().as_ref().is_some_and(is_over)
+        {
+            end.end();
         }
         Ok(())
     }
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
         self.episode = episode.index;
+        for Replayed { queue, ease, .. } in &mut self.outputs {
+            while queue.front().is_some_and(|next| next.episode < episode.index) {
+                queue.pop_front();
+                self.counts.left += 1;
+            }
+            if let Some((ease, _)) = ease {
+                ease.reset(episode.index);
+            }
+        }
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let left: usize = self.outputs.iter().map(|(_, queue)| queue.len()).sum();
-        Some(serde_json::json!({ "published": self.published, "refused": self.refused, "left": left }))
+        let left: usize = self.outputs.iter().map(|replayed| replayed.queue.len()).sum();
+        let eased = self.outputs.iter().filter_map(|replayed| replayed.ease.as_ref());
+        let eased: u64 = eased.map(|(ease, _)| ease.made).sum();
+        Some(serde_json::json!({
+            "published": self.counts.published,
+            "refused": self.counts.refused,
+            "left": self.counts.left + left as u64,
+            "eased": eased,
+        }))
     }
 }
 
-fn publish(
-    output: &mut RawOutput,
-    value: &Recorded,
-    tick: &Tick,
-    is_lockstep: bool,
-    published: &mut u64,
-    refused: &mut u64,
-) {
+impl Eased {
+    /// The commands around those of the port, within the limits of the robot; `None` if it carries none of joints.
+    fn around(
+        &self,
+        robot: Option<&RobotReference>,
+        queue: &VecDeque<Recorded>,
+        episodes: u64,
+        ramp_down: TimeSpan,
+    ) -> Result<Option<(Ease, String)>, EaseError> {
+        let rates = robot.map(rates).transpose()?.unwrap_or_default();
+        let Some(mut ease) = Ease::new(rates) else { return Ok(None) };
+        for episode in 0..episodes {
+            let mut of_episode = queue.iter().filter(|value| value.episode == episode);
+            let first = of_episode.next();
+            let last = of_episode.next_back().or(first);
+            let ends =
+                first.zip(last).map(|(first, last)| [first, last].map(|it| (&it.bytes[..], it.due_ns)));
+            ease.push(ends, ramp_down)?;
+        }
+        Ok(Some((ease, self.measured.clone())))
+    }
+}
+
+fn publish(output: &mut RawOutput, value: &Recorded, tick: &Tick, is_lockstep: bool, counts: &mut Counts) {
     // In lockstep the clock of stamps is that of ticks; in real time the age begins anew.
     let sent = match is_lockstep {
         true => output.publish_from(&value.bytes, tick.time_ns.saturating_sub(value.age_ns)),
         false => output.publish(&value.bytes),
     };
     match sent {
-        Ok(()) => *published += 1,
-        Err(_) => *refused += 1,
+        Ok(()) => counts.published += 1,
+        Err(_) => counts.refused += 1,
     }
 }
 
-/// The time zero of the stamps of a recording: that of the first event, or sample, of a run in real time.
-fn start_of(recording: &Recording, plan: &Plan) -> Result<u64, ReadError> {
-    if plan.clock == ClockKind::Lockstep {
-        return Ok(0);
-    }
-    let mut first = u64::MAX;
-    for sample in recording.samples() {
-        let sample = sample?;
-        if recording.topics()[sample.topic].name != super::EVENTS {
-            first = first.min(sample.stamp.publish_time);
-        }
-    }
-    Ok(if first == u64::MAX { 0 } else { first })
-}
-
-fn find<'p>(plan: &'p Plan, name: &str) -> Result<&'p ComponentPlan, String> {
+pub(super) fn find<'p>(plan: &'p Plan, name: &str) -> Result<&'p ComponentPlan, String> {
     plan.components.iter().find(|component| component.name == name).ok_or_else(|| {
         let names: Vec<&str> = plan.components.iter().map(|component| component.name.as_str()).collect();
         format!("the recorded graph has no component `{name}`, but {}", names.join(", "))
@@ -194,44 +308,7 @@ fn single(port: &PortPlan) -> bool {
     port.topic.is_some() && !matches!(port.pattern, TopicPattern::Slices { .. })
 }
 
-/// The plan of a recording in which a `log.replay` takes the place of each of these components, with its activation and its
-/// order.
-///
-/// # Errors
-/// The recording has no plan, or the plan no such component.
-pub fn replaced(recording: &Recording, names: &[String]) -> Result<Plan, ReadError> {
-    let mut plan = recording.plan()?;
-    let foreign = |reason| ReadError::Foreign { path: recording.path().to_path_buf(), reason };
-    let file = std::path::absolute(recording.path()).unwrap_or_else(|_| recording.path().to_path_buf());
-    for name in names {
-        find(&plan, name).map_err(foreign)?;
-        for component in plan.components.iter_mut().filter(|component| component.name == *name) {
-            if is_logger(component) {
-                continue;
-            }
-            component.program = Program::Builtin { kind: Replay::KIND.to_string() };
-            component.config = serde_json::json!({ "recording": file, "component": name });
-            component.parameters.clear();
-            (component.actuator, component.resets) = (false, true);
-            if let Activation::Descriptor { min_interval_ns } = component.activation {
-                component.activation = Activation::Periodic { period_ns: min_interval_ns, phase_ns: 0 };
-            }
-        }
-    }
-    Ok(plan)
-}
-
 /// The kind `log.replay`, for programs that host the plans of [`replaced`]: it stands in no graph that a person writes.
 pub fn replay_kind() -> Kind {
     Kind::of::<Replay>()
-}
-
-fn is_logger(component: &ComponentPlan) -> bool {
-    matches!(&component.program, Program::Builtin { kind } if kind.starts_with("log.") && kind != Replay::KIND)
-}
-
-/// The components of a plan that write what happens and publish nothing: a replay does without them.
-pub fn loggers(plan: &Plan) -> Vec<String> {
-    let loggers = plan.components.iter().filter(|component| is_logger(component));
-    loggers.map(|component| component.name.clone()).collect()
 }

@@ -11,6 +11,7 @@ use motorium::state::{DecodeError, Decoder, FieldValue, Stamp};
 use motorium::transport::Tap;
 use motorium::worker::Registry;
 
+use super::spans::Spans;
 use super::{EVENTS, ReadError, RecordedTopic, Recording, Samples, loggers, replaced};
 
 /// Simulated time between two looks at the topics: not more than the least that a recorder bridges.
@@ -97,6 +98,12 @@ pub enum VerifyError {
         "it was recorded in real time, whose timing no machine repeats: record a run with `--clock lockstep` to verify it"
     )]
     RealTime,
+    /// Episodes that a program began, whose seeds and times no graph says.
+    #[error(
+        "it holds episodes that the graph does not plan: a program has begun them, and is needed to repeat them. Runs with \
+         `--episodes N` can be verified"
+    )]
+    Episodes,
     /// Samples were lost while it was recorded.
     #[error(
         "{lost} samples of topic `{topic}` were lost while it was recorded, so that it cannot be compared"
@@ -151,6 +158,9 @@ pub fn verify(
         .iter()
         .map(|topic| (topic.name.clone(), plan.components[topic.writer].period_ns()))
         .collect();
+    if Spans::of(recording, None)?.count() > episodes.map_or(1, |episodes| episodes.count) {
+        return Err(VerifyError::Episodes);
+    }
     let mut session = Session::launch(plan, registry, &options)?;
     let mut compared = Vec::new();
     for (index, topic) in recording.topics().iter().enumerate().filter(|(_, topic)| topic.name != EVENTS) {

@@ -5,11 +5,12 @@ mod kill;
 mod latency;
 mod peers;
 mod ratchet;
+mod recording;
 mod table;
 
 use std::process::ExitCode;
 
-/// Measure motorium on this machine, compare two such measurements, and make faults.
+/// Measure motorium on this machine, compare two such measurements, make faults, and tell the cost of a recording.
 ///
 /// Example: motorium bench latency --quick
 #[derive(Debug, clap::Args)]
@@ -23,6 +24,7 @@ enum What {
     Latency(latency::Latency),
     Compare(compare::Compare),
     Kill(kill::Kill),
+    Recording(recording::Recording),
 }
 
 impl Bench {
@@ -31,6 +33,7 @@ impl Bench {
             What::Latency(latency) => latency.run(),
             What::Compare(compare) => compare.run(),
             What::Kill(kill) => kill.run(),
+            What::Recording(recording) => recording.run(),
         }
     }
 }

@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use motorium::launcher::{Event, Exit, Hosting, Options};
 use motorium::plan::{ClockKind, Plan};
 use motorium::session::Session;
-use motorium_bridges::recording::{Recording, Verification, replaced, verify};
+use motorium::units::TimeSpan;
+use motorium_bridges::recording::{Recording, Verification, ease_in, replayed, verify};
 
 use crate::out::{errln, out, outln};
 use crate::printer::Printer;
@@ -15,7 +16,11 @@ use crate::{exit, registry, report, style};
 /// Publish a recording once more, or run its graph again and compare every sample.
 ///
 /// Each component publishes what the recording has of it, at the times of the recording; those that `--live` names run
-/// themselves, on what the others have published. Topics can be looked at as in any run.
+/// themselves, on what the others have published. Topics can be looked at as in any run. Episodes follow one another as they were
+/// recorded.
+///
+/// A robot that runs itself and follows recorded joint commands is led to the first of them within half of the limits of its
+/// joints, and to rest behind the last. Then it goes to its safe state.
 ///
 /// `--verify` runs the graph of a recording in lockstep again, from its seed, and compares all that it publishes to the last
 /// bit: the exit code is 1 at a difference, which is printed with its topic, time and field.
@@ -38,9 +43,21 @@ pub(crate) struct Replay {
     /// Recorded time per real time; `0` for as fast as the machine allows
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
+    /// Index of the one episode to replay, from 0. All if not given, one after the other
+    #[arg(long, value_name = "INDEX", conflicts_with = "verify")]
+    episode: Option<u64>,
     /// Hold time at the start, until `motorium step`
     #[arg(long)]
     paused: bool,
+    /// Run in real time, with the cores, priorities and budgets of the graph, as a robot of real drives needs it
+    #[arg(long, conflicts_with_all = ["speed", "paused", "verify"])]
+    realtime: bool,
+    /// Where a robot that runs itself follows recorded joint commands: time in which it comes to their first pose; `"0 s"` for none
+    #[arg(long, value_name = "TIME", default_value = "3 s", conflicts_with = "verify")]
+    ease_in: TimeSpan,
+    /// And time in which it comes to rest behind the last command
+    #[arg(long, value_name = "TIME", default_value = "500 ms", conflicts_with = "verify")]
+    ramp_down: TimeSpan,
     /// Print the report as JSON on standard output
     #[arg(long)]
     json: bool,
@@ -82,29 +99,24 @@ impl Replay {
 
     fn publish(&self, recording: &Recording) -> anyhow::Result<ExitCode> {
         anyhow::ensure!(self.speed.is_finite() && self.speed >= 0.0, "`--speed` is 0 or above");
-        let plan = recording.plan()?;
-        let live = |name: &str| self.live.iter().any(|live| live == name);
-        for name in &self.live {
-            anyhow::ensure!(
-                plan.components.iter().any(|component| component.name == *name),
-                "the recorded graph has no component `{name}`, but {}",
-                plan.components
-                    .iter()
-                    .map(|component| component.name.as_str())
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            );
+        let mut plan = replayed(recording, &self.live, self.episode)?;
+        if self.realtime {
+            if let Some(episodes) = plan.episodes {
+                anyhow::bail!(
+                    "{} has {} episodes, and in real time nothing sets a robot back between them: choose one by `--episode INDEX`",
+                    self.file.display(),
+                    episodes.count
+                );
+            }
+            plan.clock = ClockKind::Realtime;
         }
-        let names = plan.components.iter().map(|component| component.name.clone());
-        let names: Vec<String> = names.filter(|name| !live(name)).collect();
-        let mut plan = replaced(recording, &names)?;
-        (plan.clock, plan.episodes, plan.expectations) = (ClockKind::Lockstep, None, Vec::new());
+        self.ease_in(&mut plan);
         let mut options = self.options(plan.clone())?;
         options.stand_in = motorium_bridges::recording::loggers(&plan);
         let mut printer = Printer::plain(self.json)?;
         let mut observe = |event: Event<'_>| printer.show(&event);
         let mut session = Session::observed(plan, &registry::with_hidden(), &options, &mut observe)?;
-        if self.speed > 0.0 {
+        if self.speed > 0.0 && !self.realtime {
             session.pace(Some(self.speed))?;
         }
         if self.paused {
@@ -127,9 +139,35 @@ impl Replay {
         })
     }
 
+    /// Lets robots that run themselves come to the start pose, and to rest.
+    fn ease_in(&self, plan: &mut Plan) {
+        let moves = |name: &String| plan.components.iter().any(|it| it.name == *name && it.actuator);
+        let Some(robot) = self.live.iter().find(|name| moves(name)).filter(|_| self.ease_in.ns > 0) else {
+            return;
+        };
+        let eased = ease_in(plan, &self.live, self.ease_in, self.ramp_down);
+        if eased.is_empty() {
+            errln!(
+                "{} `{robot}` follows the recording from wherever it is: none of the components that command it reads joint \
+                 states which are measured in this run; `--live` the one that measures them, too",
+                style::warning("warning:")
+            );
+        } else {
+            errln!(
+                "`{}`: {} to the first recorded pose, and {} to rest behind the last",
+                eased.join("`, `"),
+                self.ease_in,
+                self.ramp_down
+            );
+        }
+    }
+
     /// One thread for all, unless a component has a program of its own.
     fn options(&self, plan: Plan) -> anyhow::Result<Options> {
         use motorium::plan::Program;
+        if self.realtime {
+            return Ok(Options::processes(std::env::current_exe()?));
+        }
         let builtin = |program: &Program| matches!(program, Program::Builtin { .. });
         if plan.components.iter().all(|component| builtin(&component.program)) {
             return Ok(Options::inline());

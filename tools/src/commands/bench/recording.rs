@@ -1,0 +1,237 @@
+//! `motorium bench recording`: a graph with a recorder and without, in turns.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use comfy_table::CellAlignment;
+use motorium::launcher::{Exit, Options};
+use motorium::plan::{ClockKind, Plan};
+use motorium::session::Session;
+use motorium::telemetry::Snapshot;
+use motorium::units::TimeSpan;
+use serde_json::json;
+
+use crate::commands::loading::{DEFAULT_GRAPH, GraphArgs};
+use crate::commands::recording::Overlay;
+use crate::metrics::Sample;
+use crate::out::{errln, outln};
+use crate::runs::RunArg;
+use crate::{registry, report};
+
+/// Run a graph with a recorder of all topics and without, in turns, and compare its times.
+///
+/// Each turn is a run without and one with `--record`, in real time. Prints, of each latency of the graph and of the execution time
+/// of each component, the medians of the turns and the ratio with / without, with the least and the greatest of any turn: a ratio
+/// that is nearer to 1 than they are to each other is none. To be run on a machine that does nothing else.
+///
+/// Example: motorium bench recording graphs/panda-reach.toml --turns 9
+#[derive(Debug, clap::Args)]
+pub(crate) struct Recording {
+    /// The graph
+    #[arg(default_value = DEFAULT_GRAPH)]
+    graph: PathBuf,
+    /// Number of turns
+    #[arg(long, short = 'n', default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    turns: u32,
+    /// Duration of each run
+    #[arg(long = "for", value_name = "TIME", default_value = "4 s")]
+    duration: TimeSpan,
+    /// Print all of it as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The quantiles that are compared.
+const QUANTILES: [(&str, f64); 2] = [("p50", 0.5), ("p99", 0.99)];
+
+/// The times of one quantity in each turn, ns.
+struct Row {
+    name: String,
+    /// By quantile, and without and with.
+    times: [[Vec<f64>; 2]; 2],
+}
+
+impl Recording {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        let folder = std::env::temp_dir().join(format!("motorium-bench-{}", std::process::id()));
+        std::fs::create_dir(&folder).with_context(|| folder.display().to_string())?;
+        let measured = self.measure(&folder.join("run.mcap"));
+        let _ = std::fs::remove_dir_all(&folder);
+        let (rows, lost) = match measured? {
+            Ok(measured) => measured,
+            Err(code) => return Ok(code),
+        };
+        if self.json {
+            let rows = rows.iter().map(Row::json);
+            let all = json!({ "turns": self.turns, "lost": lost, "times": rows.collect::<Vec<_>>() });
+            outln!("{}", serde_json::to_string_pretty(&all)?);
+            return Ok(ExitCode::SUCCESS);
+        }
+        let head =
+            ["us", "p50 without", "with", "ratio (of turns)", "p99 without", "with", "ratio (of turns)"];
+        let mut shown = report::table(head);
+        for row in &rows {
+            let cells = (0..QUANTILES.len()).flat_map(|which| row.cells(which));
+            shown.add_row(std::iter::once(row.name.clone()).chain(cells));
+        }
+        shown.column_iter_mut().skip(1).for_each(|column| column.set_cell_alignment(CellAlignment::Right));
+        outln!("{shown}");
+        outln!("{} turns of {} each; {lost} samples lost", self.turns, self.duration);
+        Ok(ExitCode::SUCCESS)
+    }
+
+    /// The times of all turns, and the samples that the recorder has lost; or an exit code if the graph is none.
+    fn measure(&self, file: &Path) -> anyhow::Result<Result<(Vec<Row>, u64), ExitCode>> {
+        let overlay = Overlay::recording(file, None)?;
+        let mut plans = Vec::new();
+        for with in [Vec::new(), vec![overlay.path().to_path_buf()]] {
+            let graph = GraphArgs { graph: self.graph.clone(), with, ..GraphArgs::default() };
+            match graph.load(&registry::registry(), self.json) {
+                Ok(checked) => plans.push(checked.plan),
+                Err(code) => return Ok(Err(code)),
+            }
+        }
+        let name = self.graph.display();
+        anyhow::ensure!(
+            plans[0].clock == ClockKind::Realtime,
+            "{name} has the clock \"lockstep\", in which no time is measured: choose a graph with `clock = \"realtime\"`"
+        );
+        let (mut rows, mut lost): (Vec<Row>, u64) = (Vec::new(), 0);
+        for turn in 0..self.turns {
+            // Whichever comes second may find the machine warmer: they change places.
+            for with in if turn % 2 == 0 { [0, 1] } else { [1, 0] } {
+                let times = self.once(plans[with].clone(), &mut lost)?;
+                for (name, snapshot) in times {
+                    let row = match rows.iter().position(|row| row.name == name) {
+                        Some(row) => row,
+                        None => {
+                            rows.push(Row { name, times: Default::default() });
+                            rows.len() - 1
+                        }
+                    };
+                    for (which, (_, share)) in QUANTILES.iter().enumerate() {
+                        rows[row].times[which][with].push(quantile(&snapshot, *share));
+                    }
+                }
+            }
+            if !self.json {
+                errln!("turn {} of {}", turn + 1, self.turns);
+            }
+        }
+        // The recorder itself has no other side.
+        rows.retain(|row| row.times[0].iter().all(|turns| !turns.is_empty()));
+        Ok(Ok((rows, lost)))
+    }
+
+    /// The latencies and the execution times of one run.
+    fn once(&self, mut plan: Plan, lost: &mut u64) -> anyhow::Result<Vec<(String, Snapshot)>> {
+        plan.expectations.clear();
+        plan.duration_ns = None;
+        let mut session =
+            Session::launch(plan, &registry::registry(), &Options::processes(std::env::current_exe()?))?;
+        session.step_until(Duration::from(self.duration))?;
+        let run = RunArg::named(Some(session.id())).open()?;
+        let Sample { latencies, components, .. } = Sample::take(&run);
+        let name = |topic: usize| run.plan.topics[topic].name.clone();
+        let names = run
+            .plan
+            .latencies
+            .iter()
+            .map(|latency| format!("{} -> {}", name(latency.from), name(latency.to)));
+        let latencies = names.zip(latencies.into_iter().map(|latency| latency.latency));
+        let names = run.plan.components.iter().map(|component| component.name.clone());
+        let components = names.zip(components.into_iter().map(|component| component.execution));
+        let times = latencies.chain(components).collect();
+        let ended = session.stop();
+        if let Exit::SafeStop { reason } = &ended.exit {
+            anyhow::bail!("{}: safe stop: {reason}", self.graph.display());
+        }
+        *lost += ended.results.values().filter_map(|result| result["lost"].as_u64()).sum::<u64>();
+        Ok(times)
+    }
+}
+
+impl Row {
+    /// The ratio of the medians, the least and the greatest of a turn.
+    fn ratios(&self, which: usize) -> [f64; 3] {
+        let [without, with] = &self.times[which];
+        let of_turns = with.iter().zip(without).map(|(with, without)| with / without.max(1.0));
+        let (least, most) =
+            of_turns.fold((f64::INFINITY, 0.0_f64), |(least, most), it| (least.min(it), most.max(it)));
+        [median(with) / median(without).max(1.0), least, most]
+    }
+
+    fn cells(&self, which: usize) -> [String; 3] {
+        let [without, with] = [0, 1].map(|with| format!("{:.2}", median(&self.times[which][with]) * 1e-3));
+        let [ratio, least, most] = self.ratios(which);
+        [without, with, format!("{ratio:.3} ({least:.2} to {most:.2})")]
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let mut all = json!({ "name": self.name });
+        for (which, (quantile, _)) in QUANTILES.iter().enumerate() {
+            let [without, with] = &self.times[which];
+            all[quantile] = json!({ "without_ns": without, "with_ns": with, "ratio": self.ratios(which)[0] });
+        }
+        all
+    }
+}
+
+/// A quantile of a histogram, ns: evenly between the bounds of its bucket, whose width of up to a 32nd is more than what is
+/// looked for.
+fn quantile(snapshot: &Snapshot, share: f64) -> f64 {
+    let (wanted, mut seen) = (share * snapshot.count() as f64, 0.0);
+    for &(bound, count) in snapshot.buckets() {
+        let count = count as f64;
+        if seen + count >= wanted && count > 0.0 {
+            // Buckets are a 32nd of the power of two below them, and not less than 1 ns.
+            let width = (((bound + 1).next_power_of_two() / 2).max(32) / 32) as f64;
+            return bound as f64 - width * (1.0 - (wanted - seen) / count);
+        }
+        seen += count;
+    }
+    0.0
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut rising = values.to_vec();
+    rising.sort_by(f64::total_cmp);
+    let middle = rising.len() / 2;
+    match rising.len() % 2 {
+        _ if rising.is_empty() => 0.0,
+        0 => 0.5 * (rising[middle - 1] + rising[middle]),
+        _ => rising[middle],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use motorium::telemetry::Histogram;
+
+    use super::*;
+
+    #[test]
+    fn the_median_of_an_even_number_lies_between_the_two_in_the_middle() {
+        assert_eq!((median(&[3.0, 1.0, 2.0]), median(&[4.0, 1.0, 3.0, 2.0]), median(&[])), (2.0, 2.5, 0.0));
+    }
+
+    #[test]
+    fn quantiles_are_finer_than_the_buckets_of_their_histogram() {
+        // Evenly spread values have known quantiles.
+        for scale in [1_u64, 13, 400] {
+            let histogram = Histogram::default();
+            (0..20_000).for_each(|value| histogram.record(10_000 + value * scale));
+            for share in [0.1, 0.5, 0.9, 0.99] {
+                let expected = 10_000.0 + 20_000.0 * share * scale as f64;
+                let found = quantile(&histogram.snapshot(), share);
+                assert!(
+                    (found / expected - 1.0).abs() < 1e-3,
+                    "{scale}, {share}: {found}, expected {expected}"
+                );
+            }
+        }
+        assert_eq!(quantile(&Snapshot::default(), 0.5), 0.0);
+    }
+}
