@@ -75,6 +75,11 @@ pub struct Timing {
 }
 
 impl Timing {
+    /// The same with another latency.
+    pub(crate) fn late(self, latency: TimeSpan) -> Self {
+        Self { latency, ..self }
+    }
+
     /// Checks that the share is one.
     ///
     /// # Errors
@@ -102,7 +107,8 @@ impl Timing {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Channel {
-    errors: ErrorModel,
+    /// One model for all axes, or one for each.
+    errors: Vec<ErrorModel>,
     noise: Noise,
     walk: Noise,
     bias: Vec<f64>,
@@ -122,26 +128,55 @@ impl Channel {
         seed: u64,
         number: u64,
     ) -> Result<Self, SettingError> {
-        let ErrorModel { noise, bias, bias_walk, scale_error, resolution, range } = *errors;
-        for (setting, value) in [
-            ("noise", noise),
-            ("bias", bias),
-            ("bias_walk", bias_walk),
-            ("scale_error", scale_error),
-            ("resolution", resolution),
-            ("range", range.unwrap_or(0.0)),
-        ] {
-            if !(0.0..=1e12).contains(&value) {
-                let setting = if name.is_empty() { setting.to_owned() } else { format!("{name}.{setting}") };
-                return Err(SettingError::new(setting, value, "a number from 0 to 1e12"));
+        let first = 16 * number;
+        Self::of(name, vec![*errors], axes, seed, [first, first + 1, first + 2, first + 3])
+    }
+
+    /// A sensor each of whose axes has errors of its own. `streams` are the numbers of the noises of a seed that bias, scale,
+    /// readings and walk are drawn from.
+    ///
+    /// # Errors
+    /// [`SettingError`]: a number that is negative or not finite.
+    pub fn each(
+        name: &str,
+        errors: Vec<ErrorModel>,
+        seed: u64,
+        streams: [u64; 4],
+    ) -> Result<Self, SettingError> {
+        let axes = errors.len();
+        Self::of(name, errors, axes, seed, streams)
+    }
+
+    fn of(
+        name: &str,
+        errors: Vec<ErrorModel>,
+        axes: usize,
+        seed: u64,
+        [bias, scale, noise, walk]: [u64; 4],
+    ) -> Result<Self, SettingError> {
+        for model in &errors {
+            let ErrorModel { noise, bias, bias_walk, scale_error, resolution, range } = *model;
+            for (setting, value) in [
+                ("noise", noise),
+                ("bias", bias),
+                ("bias_walk", bias_walk),
+                ("scale_error", scale_error),
+                ("resolution", resolution),
+                ("range", range.unwrap_or(0.0)),
+            ] {
+                if !(0.0..=1e12).contains(&value) {
+                    let setting =
+                        if name.is_empty() { setting.to_owned() } else { format!("{name}.{setting}") };
+                    return Err(SettingError::new(setting, value, "a number from 0 to 1e12"));
+                }
             }
         }
-        let mut draws = Noise::new(seed, 16 * number);
-        let bias = (0..axes).map(|_| bias * draws.normal()).collect();
-        let mut draws = Noise::new(seed, 16 * number + 1);
-        let scale = (0..axes).map(|_| 1.0 + scale_error * draws.normal()).collect();
-        let noise = Noise::new(seed, 16 * number + 2);
-        Ok(Self { errors: *errors, noise, walk: Noise::new(seed, 16 * number + 3), bias, scale })
+        let of_axis = || errors.iter().cycle().take(axes);
+        let mut draws = Noise::new(seed, bias);
+        let bias = of_axis().map(|model| model.bias * draws.normal()).collect();
+        let mut draws = Noise::new(seed, scale);
+        let scale = of_axis().map(|model| 1.0 + model.scale_error * draws.normal()).collect();
+        Ok(Self { noise: Noise::new(seed, noise), walk: Noise::new(seed, walk), bias, scale, errors })
     }
 
     /// Makes the truth, one number for each axis, the reading of a sensor whose last reading lies `dt` \[s\] back.
@@ -150,8 +185,17 @@ impl Channel {
     /// On another number of axes.
     pub fn measure(&mut self, dt: f64, values: &mut [f64]) {
         assert_eq!(values.len(), self.bias.len(), "axes of the channel");
-        let Self { errors, noise, walk, bias, scale } = self;
-        for ((value, bias), scale) in values.iter_mut().zip(bias).zip(scale) {
+        let errors = std::mem::take(&mut self.errors);
+        match errors.as_slice() {
+            [one] => self.measure_by(std::iter::repeat(one), dt, values),
+            each => self.measure_by(each.iter(), dt, values),
+        }
+        self.errors = errors;
+    }
+
+    fn measure_by<'a>(&mut self, errors: impl Iterator<Item = &'a ErrorModel>, dt: f64, values: &mut [f64]) {
+        let Self { noise, walk, bias, scale, .. } = self;
+        for (((value, bias), scale), errors) in values.iter_mut().zip(bias).zip(scale).zip(errors) {
             if errors.bias_walk > 0.0 {
                 *bias += errors.bias_walk * dt.max(0.0).sqrt() * walk.normal();
             }

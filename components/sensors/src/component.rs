@@ -22,6 +22,8 @@ use motorium::worker::Kind;
 use motorium_robots::RobotSource;
 
 use crate::encoder::{EncoderModel, EncoderSettings, StateTimes};
+use crate::randomise::SensorDraw;
+use draws::Draws;
 pub use robot::Mount;
 
 /// A component that publishes the readings of the joint sensors of a robot.
@@ -37,6 +39,7 @@ pub struct JointEncoder {
     joints: usize,
     period: Duration,
     model: EncoderModel,
+    draws: Draws,
     last_state: (u32, u32, u64),
     last_reading: Option<u64>,
     published: u64,
@@ -44,7 +47,7 @@ pub struct JointEncoder {
 
 impl Component for JointEncoder {
     const KIND: &'static str = "sensor.joint_encoder";
-    const SUMMARY: &'static str = "joint sensors: resolution, noise, latency";
+    const SUMMARY: &'static str = "joint sensors: noise, bias, resolution, range, latency, lost readings";
     const RESETS: bool = true;
     type Config = EncoderSettings;
 
@@ -54,8 +57,11 @@ impl Component for JointEncoder {
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
         // without a known period, one that allows any latency
-        let period = declare.period().unwrap_or(config.latency.into());
-        build(config, joints(robot)?, 0, period)?;
+        let longest = config.randomise.longest(config.latency);
+        let period = declare.period().unwrap_or(longest.into());
+        let draw = SensorDraw { latency: longest, ..config.randomise.draw(0, config.latency) };
+        build(config, joints(robot)?, &draw, 0, period)?;
+        Draws::declare(&config.randomise, declare)?;
         if config.latency.ns > 0 && Duration::from(config.latency) < period {
             let period = TimeSpan { ns: period.as_nanos() as u64 };
             declare
@@ -70,10 +76,13 @@ impl Component for JointEncoder {
 
     fn configure(config: EncoderSettings, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let joints = joints(setup.robot()?)?;
+        let seed = config.seed.unwrap_or(setup.seed());
+        let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
         Ok(Self {
             state: setup.input("joint_state")?,
             measured: setup.output("measured")?,
-            model: build(&config, joints, setup.seed(), setup.period())?,
+            model: build(&config, joints, &draws.now(), seed, setup.period())?,
+            draws,
             last_state: (0, 0, 0),
             last_reading: None,
             published: 0,
@@ -84,6 +93,7 @@ impl Component for JointEncoder {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.draws.publish()?;
         if let Some(state) = self.state.latest() {
             let stamp = state.stamp();
             let name = (stamp.publisher, stamp.restart_count, stamp.sequence);
@@ -119,14 +129,22 @@ impl Component for JointEncoder {
     }
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
-        self.model = EncoderModel::new(self.joints, &self.settings, episode.seed, self.period)
+        let seed = self.settings.seed.unwrap_or(episode.seed);
+        let draw = self.draws.reset(episode.index, seed);
+        self.model = EncoderModel::drawn(self.joints, &self.settings, &draw, seed, self.period)
             .map_err(|error| StepError::failed(error.to_string()))?;
         (self.last_state, self.last_reading, self.published) = ((0, 0, 0), None, 0);
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        Some(serde_json::json!({ "readings": self.published, "lost": self.model.lost() }))
+        let mut result = serde_json::json!({
+            "readings": self.published,
+            "dropped": self.model.dropped(),
+            "lost": self.model.lost(),
+        });
+        self.draws.report(&mut result);
+        Some(result)
     }
 }
 
@@ -156,10 +174,11 @@ fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
 fn build(
     settings: &EncoderSettings,
     joints: usize,
+    draw: &SensorDraw,
     seed: u64,
     period: Duration,
 ) -> Result<EncoderModel, ConfigError> {
-    EncoderModel::new(joints, settings, seed, period)
+    EncoderModel::drawn(joints, settings, draw, seed, period)
         .map_err(|error| ConfigError::key(error.setting(), error.to_string()))
 }
 

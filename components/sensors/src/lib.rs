@@ -24,10 +24,10 @@
 //! use std::time::Duration;
 //! use motorium::units::TimeSpan;
 //! use motorium_robots::PerJoint;
-//! use motorium_sensors::encoder::{EncoderModel, EncoderSettings};
+//! use motorium_sensors::encoder::{EncoderModel, EncoderSettings, JointErrors};
 //!
 //! let settings = EncoderSettings {
-//!     resolution: PerJoint::All(1e-3),
+//!     position: JointErrors { resolution: PerJoint::All(1e-3), ..JointErrors::default() },
 //!     latency: TimeSpan { ns: 2_000_000 },
 //!     ..EncoderSettings::default()
 //! };

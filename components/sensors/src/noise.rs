@@ -4,6 +4,9 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64;
 
+/// Number of the noise of lost readings among the channels of a seed.
+pub(crate) const DROP_OUTS: u64 = 1 << 20;
+
 /// A source of standard normal numbers: the same seed and channel give the same sequence.
 ///
 /// PCG XSL RR 128/64 (O'Neill 2014), ziggurat sampling. Channels of one seed are independent, so that switching the

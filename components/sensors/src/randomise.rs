@@ -99,6 +99,11 @@ impl SensorRanges {
 }
 
 impl SensorDraw {
+    /// The draw that changes nothing, for a sensor with this latency.
+    pub fn none(latency: TimeSpan) -> Self {
+        Self { noise: 1.0, bias: 1.0, latency }
+    }
+
     /// The errors of a quantity in the episode.
     pub fn errors(&self, errors: &ErrorModel) -> ErrorModel {
         ErrorModel {

@@ -190,6 +190,18 @@ pub struct PixelNoise {
     pub read_noise: f64,
 }
 
+impl PixelNoise {
+    /// The same with a factor of all deviations: shot noise grows as the root of fewer electrons.
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
+        let electrons = |well: f64| (well / (factor * factor)).max(1.0);
+        Self {
+            // so many that there is no shot noise
+            full_well: self.full_well.filter(|_| factor > 0.0).map(|well| electrons(well).min(1e9)),
+            read_noise: (factor * self.read_noise).min(255.0),
+        }
+    }
+}
+
 /// A sensor of pixels: its noise, drawn from a seed.
 #[derive(Clone, Debug)]
 pub struct PixelSensor {

@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 
 use motorium_benches::latency::Measurement;
 
-use crate::draw::escape;
+use super::families::{FAMILIES, on_dark};
+use super::theme;
 
 const WIDTH: f64 = 1200.0;
 /// The least height; a long legend makes it larger.
@@ -21,51 +22,6 @@ const SUBTITLE: usize = 160;
 const LEGEND: usize = 62;
 /// Points of a curve that are nearer to each other than this are drawn as one.
 const NEAR: f64 = 0.7;
-
-/// A family of curves: each has its own dashes, colours and place in the legend.
-struct Family {
-    title: &'static str,
-    dashes: &'static str,
-    colours: &'static [&'static str],
-    is_member: fn(&str) -> bool,
-}
-
-/// Colours that are distinct on white, also with colour blindness (P. Tol's "bright" and "muted").
-const FAMILIES: [Family; 3] = [
-    Family {
-        title: "floors of this machine",
-        dashes: " stroke-dasharray=\"2 3\"",
-        colours: &["#000000", "#777777", "#b08000", "#5a4fa0", "#0077bb"],
-        is_member: is_floor,
-    },
-    Family {
-        title: "motorium",
-        dashes: "",
-        colours: &[
-            "#4477aa", "#ee6677", "#228833", "#aa3377", "#66ccee", "#ddaa33", "#332288", "#117733",
-            "#882255", "#999933",
-        ],
-        is_member: |name| !is_floor(name) && !is_peer(name),
-    },
-    Family {
-        title: "other systems",
-        dashes: " stroke-dasharray=\"8 3\"",
-        colours: &[
-            "#cc3311", "#ee7733", "#0077bb", "#009988", "#ee3377", "#664400", "#444444", "#6699cc",
-            "#aa4499", "#000000",
-        ],
-        is_member: is_peer,
-    },
-];
-
-/// The machine itself; cyclictest measures it too.
-fn is_floor(name: &str) -> bool {
-    name.starts_with("floor.") || name == "peer.cyclictest"
-}
-
-fn is_peer(name: &str) -> bool {
-    !is_floor(name) && (name.starts_with("peer.") || name.starts_with("iceoryx2."))
-}
 
 /// The frame that the curves are drawn in: nines to the right, decades upwards.
 struct Frame {
@@ -104,34 +60,22 @@ impl Frame {
         let (right, bottom) = (WIDTH - RIGHT, self.bottom());
         for power in self.low as i32..=self.high as i32 {
             let at = self.y(10f64.powi(power));
-            let _ = writeln!(
-                svg,
-                "<line x1=\"{LEFT}\" y1=\"{at:.1}\" x2=\"{right}\" y2=\"{at:.1}\" stroke=\"#ddd\"/>\
-                 <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-                LEFT - 8.0,
-                at + 4.0,
-                time(power)
-            );
+            let _ = writeln!(svg, "<path class=\"grid\" d=\"M{LEFT} {at:.1}H{right}\" stroke=\"#dddddd\"/>");
+            svg += &theme::text(LEFT - 8.0, at + 4.0, "text-anchor=\"end\"", &time(power));
         }
         let median = ("50 %".to_string(), 2f64.log10());
         let marks = (0..=self.nines as i32).map(|nines| (percent(nines), f64::from(nines)));
         for (words, nines) in core::iter::once(median).chain(marks) {
             let at = self.x(nines);
-            let _ = writeln!(
-                svg,
-                "<line x1=\"{at:.1}\" y1=\"{TOP}\" x2=\"{at:.1}\" y2=\"{bottom:.1}\" stroke=\"#ddd\"/>\
-                 <text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{words}</text>",
-                bottom + 18.0,
-            );
+            let _ =
+                writeln!(svg, "<path class=\"grid\" d=\"M{at:.1} {TOP}V{bottom:.1}\" stroke=\"#dddddd\"/>");
+            svg += &theme::text(at, bottom + 18.0, "text-anchor=\"middle\"", &words);
         }
         let (across, down) = ((LEFT + right) / 2.0, (TOP + bottom) / 2.0);
-        let _ = writeln!(
-            svg,
-            "<text x=\"{across:.1}\" y=\"{:.1}\" text-anchor=\"middle\">share of samples that are at most so \
-             long</text>\n<text x=\"22\" y=\"{down:.1}\" text-anchor=\"middle\" transform=\"rotate(-90 22 \
-             {down:.1})\">latency</text>",
-            self.height - 16.0
-        );
+        let middle = "text-anchor=\"middle\"";
+        svg += &theme::text(across, self.height - 16.0, middle, "share of samples that are at most so long");
+        let turned = format!("{middle} transform=\"rotate(-90 22 {down:.1})\"");
+        svg += &theme::text(22.0, down, &turned, "latency");
         svg
     }
 
@@ -164,19 +108,15 @@ pub(crate) fn plot(machine: &str, measurements: &[&Measurement]) -> String {
     let (legend, curves) = legend(&measurements);
     let height = HEIGHT.max(curves.bottom + BOTTOM);
     let frame = Frame::around(&measurements, height);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" font-family=\"sans-serif\" \
-         font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{height}\" fill=\"white\"/>\n\
-         <text x=\"{LEFT}\" y=\"24\" font-size=\"16\" font-weight=\"bold\">Latency against percentile, nothing \
-         trimmed</text>\n"
+    let mut svg = theme::begin_with(WIDTH, height, 12, &on_dark());
+    svg += &theme::text(
+        LEFT,
+        24.0,
+        "font-size=\"16\" font-weight=\"bold\"",
+        "Latency against percentile, nothing trimmed",
     );
     for (i, line) in wrapped(machine, SUBTITLE).iter().enumerate() {
-        let at = 42.0 + 14.0 * i as f64;
-        let _ = writeln!(
-            svg,
-            "<text x=\"{LEFT}\" y=\"{at:.1}\" font-size=\"11\" fill=\"#555\">{}</text>",
-            escape(line)
-        );
+        svg += &theme::text(LEFT, 42.0 + 14.0 * i as f64, "font-size=\"11\"", line);
     }
     svg += &frame.axes();
     svg += &legend;
@@ -212,23 +152,21 @@ fn legend<'a>(measurements: &[&'a Measurement]) -> (String, Curves<'a>) {
         if members.is_empty() {
             continue;
         }
-        let _ = writeln!(
-            svg,
-            "<text x=\"{left:.1}\" y=\"{:.1}\" font-weight=\"bold\">{}</text>",
-            row + 4.0,
-            family.title
-        );
+        svg += &theme::text(left, row + 4.0, "font-weight=\"bold\"", family.title);
         row += LINE;
         for (i, measurement) in members.into_iter().enumerate() {
-            let style = format!(" stroke=\"{}\"{}", family.colours[i % family.colours.len()], family.dashes);
+            let colour = i % family.colours.len();
+            let style = format!(
+                " class=\"{}{colour}\" stroke=\"{}\"{}",
+                family.class, family.colours[colour], family.dashes
+            );
             let _ = writeln!(
                 svg,
                 "<line x1=\"{left:.1}\" y1=\"{row:.1}\" x2=\"{:.1}\" y2=\"{row:.1}\" stroke-width=\"2\"{style}/>",
                 left + 30.0,
             );
             for line in wrapped(&measurement.what, LEGEND) {
-                let (x, y) = (left + 38.0, row + 4.0);
-                let _ = writeln!(svg, "<text x=\"{x:.1}\" y=\"{y:.1}\">{}</text>", escape(&line));
+                svg += &theme::text(left + 38.0, row + 4.0, "", &line);
                 row += LINE;
             }
             strokes.push(Stroke { measurement, style });
@@ -359,6 +297,14 @@ mod tests {
             assert!(!places.contains(&place), "{:?} lies on another", text.text());
             places.push(place);
         }
+    }
+
+    #[test]
+    fn a_curve_changes_its_colour_where_the_reader_prefers_a_dark_ground() {
+        let svg = plot("a machine", &[&measured("floor.x", "a", (1..50).collect())]);
+        assert!(
+            svg.contains("prefers-color-scheme:dark") && svg.contains(" class=\"m0\" stroke=\"#000000\"")
+        );
     }
 
     #[test]

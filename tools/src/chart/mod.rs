@@ -2,6 +2,8 @@
 
 mod axis;
 mod braille;
+mod eigenforces;
+mod families;
 mod font;
 mod latency;
 mod panels;
@@ -13,6 +15,7 @@ mod tiles;
 use std::fmt::Write as _;
 
 pub(crate) use braille::braille;
+pub(crate) use eigenforces::eigenforces;
 pub(crate) use latency::plot;
 pub(crate) use panels::{Panel, panels};
 pub(crate) use tiles::{Tile, tiles};

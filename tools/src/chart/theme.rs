@@ -15,15 +15,23 @@ pub(super) const DASHES: [&[f64]; 3] = [&[], &[7.0, 3.0], &[2.0, 2.5]];
 /// The beginning of a picture. The colours stand in the attributes of each element, which every program reads; one that knows
 /// style sheets changes them where its user prefers a dark ground.
 pub(super) fn begin(width: f64, height: f64) -> String {
-    let mut style = String::from(
-        ".paper{fill:#0d1117}.ink{fill:#e6edf3}.grid{stroke:#262c34}.frame{stroke:#8b949e}.old{stroke:#484f58}",
+    begin_with(width, height, 13, "")
+}
+
+/// The dark ground.
+pub(super) const DARK: &str = "#0d1117";
+
+/// The same with the size of its texts, and with rules for classes of the picture's own on a dark ground.
+pub(super) fn begin_with(width: f64, height: f64, size: u32, rules: &str) -> String {
+    let mut style = format!(
+        ".paper{{fill:{DARK}}}.ink{{fill:#e6edf3}}.grid{{stroke:#262c34}}.frame{{stroke:#8b949e}}.old{{stroke:#484f58}}{rules}",
     );
     for (index, colour) in ON_DARK.iter().enumerate() {
         let _ = write!(style, ".c{index}{{stroke:{colour}}}.f{index}{{fill:{colour}}}");
     }
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
-         height=\"{height}\" font-family=\"sans-serif\" font-size=\"13\">\n\
+         height=\"{height}\" font-family=\"sans-serif\" font-size=\"{size}\">\n\
          <style>@media (prefers-color-scheme:dark){{{style}}}</style>\n\
          <rect class=\"paper\" width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n"
     )

@@ -21,8 +21,8 @@ struct Follower {
 }
 
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
-struct Seen {
-    q: Vec<f64>,
+pub(crate) struct Seen {
+    pub(crate) q: Vec<f64>,
     v: Vec<f64>,
     effort: Vec<f64>,
     kp: Vec<f64>,
@@ -73,7 +73,7 @@ impl Component for Follower {
     }
 }
 
-fn run(kind: &str, config: &str, wiring: &str, seconds: f64) -> (Report, Vec<Seen>) {
+pub(crate) fn run(kind: &str, config: &str, wiring: &str, seconds: f64) -> (Report, Vec<Seen>) {
     let graph = format!(
         r#"
 name = "policy"
@@ -108,12 +108,12 @@ publish = {{ joint_command = "arm/joint_command" }}
     (report, seen)
 }
 
-fn assert_steady(report: &Report) {
+pub(crate) fn assert_steady(report: &Report) {
     assert_eq!(support::faults(report), (Some(0), 0), "it neither allocates nor fails");
 }
 
 /// Positions never jump, and the velocities are those of the positions.
-fn assert_smooth(seen: &[Seen]) {
+pub(crate) fn assert_smooth(seen: &[Seen]) {
     for pair in seen.windows(2) {
         for j in 0..3 {
             let slope = (pair[1].q[j] - pair[0].q[j]) / 1e-3;

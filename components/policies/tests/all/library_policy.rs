@@ -26,6 +26,8 @@ struct Follower {
     q: Vec<f64>,
     largest_step: f64,
     seen: Vec<(u64, f64)>,
+    /// The first two joints, step by step.
+    path: Vec<[f64; 2]>,
 }
 
 impl Component for Follower {
@@ -50,6 +52,7 @@ impl Component for Follower {
             q: vec![0.1; 3],
             largest_step: 0.0,
             seen: Vec::new(),
+            path: Vec::new(),
         })
     }
 
@@ -72,6 +75,7 @@ impl Component for Follower {
             *request = MovementRequest { sequence: 1, label, ..MovementRequest::default() };
             request.publish()?;
         }
+        self.path.push([self.q[0], self.q[1]]);
         let mut state = self.state.loan()?;
         state.set_count(3);
         state.position_mut().copy_from_slice(&self.q);
@@ -81,7 +85,9 @@ impl Component for Follower {
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        Some(serde_json::json!({ "largest_step": self.largest_step, "seen": self.seen, "q": self.q }))
+        Some(
+            serde_json::json!({ "largest_step": self.largest_step, "seen": self.seen, "q": self.q, "path": self.path }),
+        )
     }
 }
 
@@ -113,7 +119,7 @@ fn run(config: &str, request: bool) -> Report {
     run_in(folder.path(), &format!("library = \"arm.library\"\n{config}"), request)
 }
 
-fn run_in(folder: &std::path::Path, config: &str, request: bool) -> Report {
+pub(crate) fn run_in(folder: &std::path::Path, config: &str, request: bool) -> Report {
     let wire = if request { ", request = \"arm/request\"" } else { "" };
     let graph = format!(
         r#"

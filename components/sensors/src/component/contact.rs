@@ -7,10 +7,12 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::draws::Draws;
 use super::readings::{Readings, refused};
 use super::robot::{self, name};
 use crate::channel::{ErrorModel, Timing};
 use crate::contact::ContactModel;
+use crate::randomise::{SensorDraw, SensorRanges};
 
 /// `other` of a contact with a link of the same robot is at least this, and that with the ground is the greatest number.
 const FIRST_LINK: u32 = 65_536;
@@ -38,22 +40,33 @@ pub struct ContactConfig {
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    pub randomise: SensorRanges,
 }
 
 impl Default for ContactConfig {
     fn default() -> Self {
         let (force, latency) = (ErrorModel::default(), TimeSpan { ns: 0 });
-        Self { force, on: 1.0, off: 0.5, latency, drop_out: 0.0, seed: None }
+        Self {
+            force,
+            on: 1.0,
+            off: 0.5,
+            latency,
+            drop_out: 0.0,
+            seed: None,
+            randomise: SensorRanges::default(),
+        }
     }
 }
 
 impl ContactConfig {
-    fn timing(&self) -> Timing {
-        Timing { latency: self.latency, drop_out: self.drop_out }
+    fn timing(&self, latency: TimeSpan) -> Timing {
+        Timing { latency, drop_out: self.drop_out }
     }
 
-    fn model(&self, feet: usize, seed: u64) -> Result<ContactModel, ConfigError> {
-        ContactModel::new(feet, &self.force, (self.on, self.off), self.seed.unwrap_or(seed)).map_err(refused)
+    fn model(&self, feet: usize, seed: u64, draw: &SensorDraw) -> Result<ContactModel, ConfigError> {
+        let force = draw.errors(&self.force);
+        ContactModel::new(feet, &force, (self.on, self.off), self.seed.unwrap_or(seed)).map_err(refused)
     }
 }
 
@@ -67,6 +80,8 @@ pub struct FootContactSensor {
     config: ContactConfig,
     model: ContactModel,
     readings: Readings,
+    draws: Draws,
+    period: std::time::Duration,
     /// The foot that each link belongs to, by its index among the links of the model.
     foot_of: Vec<Option<usize>>,
     sums: Vec<Vector3<f64>>,
@@ -83,8 +98,9 @@ impl Component for FootContactSensor {
 
     fn declare(config: &ContactConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         let loaded = robot::load(robot::named(declare, "its feet")?, BaseMode::AsFile)?;
-        config.model(feet(&loaded)?.len(), 0)?;
-        Readings::declare(&config.timing(), declare)?;
+        Draws::declare(&config.randomise, declare)?;
+        config.model(feet(&loaded)?.len(), 0, &config.randomise.draw(0, config.latency))?;
+        Readings::declare(&config.timing(config.randomise.longest(config.latency)), declare)?;
         declare.input::<Contacts>("contacts", "true contact points on the robot");
         declare.output::<FootContacts>("feet", "contacts of the feet, in the order of their names");
         Ok(())
@@ -95,12 +111,15 @@ impl Component for FootContactSensor {
         let bodies = feet(&loaded)?;
         let count = bodies.len();
         let seed = config.seed.unwrap_or(setup.seed());
+        let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
         let foot_of = |frame: &motorium_robots::Frame| bodies.iter().position(|body| *body == frame.body);
         Ok(Self {
             contacts: setup.input("contacts")?,
             feet: setup.output("feet")?,
-            model: config.model(count, seed)?,
-            readings: Readings::new(&config.timing(), 2 * count, setup.period(), seed)?,
+            model: config.model(count, seed, &draws.now())?,
+            readings: Readings::new(&config.timing(draws.now().latency), 2 * count, setup.period(), seed)?,
+            draws,
+            period: setup.period(),
             foot_of: loaded.model.frames().iter().map(foot_of).collect(),
             sums: vec![Vector3::zeros(); count],
             values: vec![0.0; 2 * count],
@@ -111,6 +130,7 @@ impl Component for FootContactSensor {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.draws.publish()?;
         if let Some(points) = self.contacts.latest() {
             let stamp = points.stamp();
             if name(&stamp) != self.seen {
@@ -152,15 +172,19 @@ impl Component for FootContactSensor {
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
         let seed = self.config.seed.unwrap_or(episode.seed);
-        let model = self.config.model(self.sums.len(), seed);
-        self.model = model.map_err(|error| StepError::failed(error.to_string()))?;
-        self.readings.reset(seed);
+        let draw = self.draws.reset(episode.index, seed);
+        let failed = |error: ConfigError| StepError::failed(error.to_string());
+        self.model = self.config.model(self.sums.len(), seed, &draw).map_err(failed)?;
+        let timing = self.config.timing(draw.latency);
+        self.readings = Readings::new(&timing, self.values.len(), self.period, seed).map_err(failed)?;
         (self.seen, self.since) = ((0, 0, 0), None);
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        Some(self.readings.result())
+        let mut result = self.readings.result();
+        self.draws.report(&mut result);
+        Some(result)
     }
 }
 

@@ -7,10 +7,7 @@ use motorium::units::TimeSpan;
 
 use crate::channel::{SettingError, Timing};
 use crate::delay::DelayLine;
-use crate::noise::Noise;
-
-/// Number of the noise of lost readings among the channels of a seed.
-const DROP_OUTS: u64 = 1 << 20;
+use crate::noise::{DROP_OUTS, Noise};
 
 /// The most readings that may be under way at once.
 const MOST: u64 = 100_000;
@@ -96,13 +93,6 @@ impl Readings {
         self.last = Some(time);
         self.published += 1;
         Some((source, values))
-    }
-
-    /// Goes back to the start, with the seed of an episode.
-    pub(super) fn reset(&mut self, seed: u64) {
-        self.line.clear();
-        self.draws = Noise::new(seed, DROP_OUTS);
-        (self.last, self.published, self.dropped) = (None, 0, 0);
     }
 
     /// The part of a result that all sensors have.

@@ -1,7 +1,7 @@
-//! Joint sensors: resolution, noise and latency between the true joint state and the measured one.
+//! Joint sensors: errors, latency and lost readings between the true joint state and the measured one.
 
 mod model;
 mod settings;
 
 pub use model::{EncoderModel, Reading, SampleError, StateTimes};
-pub use settings::{EncoderSettings, SettingsError, VelocitySource};
+pub use settings::{Differentiation, EncoderSettings, JointErrors, SettingsError};

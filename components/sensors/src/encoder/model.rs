@@ -2,38 +2,37 @@
 
 use std::time::Duration;
 
-use motorium_robots::PerJoint;
-
-use super::settings::{EncoderSettings, SettingsError, VelocitySource, resolve};
+use super::settings::{Differentiation, EncoderSettings, JointErrors, SettingsError};
+use crate::channel::{Channel, SettingError, Timing};
 use crate::delay::DelayLine;
-use crate::noise::Noise;
+use crate::noise::{DROP_OUTS, Noise};
+use crate::randomise::SensorDraw;
 
 /// The joint sensors of a robot.
 ///
-/// At every [`sample`](Self::sample), for each joint: position `q* = r round((q + n) / r)` with resolution `r` and
-/// noise `n`, so a reading is a whole number of steps; velocity measured with noise, or differentiated from `q*`;
-/// effort with noise. The [`reading`](Self::reading) becomes available when the latency is over. All memory is taken by
-/// [`new`](Self::new).
+/// At every [`sample`](Self::sample) each joint is read: position, velocity and effort, each with the errors of a
+/// [`Channel`], or the velocity differentiated from the readings of the position. Some readings are lost; the
+/// [`reading`](Self::reading) becomes available when the latency is over. All memory is taken by [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub struct EncoderModel {
     joints: usize,
-    resolution: Vec<f64>,
     position: Channel,
     velocity: Velocity,
     effort: Channel,
+    drop_out: f64,
+    draws: Noise,
+    dropped: u64,
+    /// Time of the state that was sampled last, ns.
+    since: Option<u64>,
+    /// Positions, velocities and efforts as they are read.
+    values: Vec<f64>,
     line: DelayLine,
-}
-
-#[derive(Clone, Debug)]
-struct Channel {
-    noise: Noise,
-    deviations: Vec<f64>,
 }
 
 #[derive(Clone, Debug)]
 enum Velocity {
     Measured(Channel),
-    Differentiated { cutoff_hz: f64, since: Option<u64>, position: Vec<f64>, estimate: Vec<f64> },
+    Differentiated { cutoff_hz: f64, position: Vec<f64>, estimate: Vec<f64> },
 }
 
 /// The times of a joint state, ns.
@@ -91,29 +90,46 @@ impl EncoderModel {
         seed: u64,
         shortest_period: Duration,
     ) -> Result<Self, SettingsError> {
+        Self::drawn(joints, settings, &SensorDraw::none(settings.latency), seed, shortest_period)
+    }
+
+    /// The same with the noise, the biases and the latency of an episode.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn drawn(
+        joints: usize,
+        settings: &EncoderSettings,
+        draw: &SensorDraw,
+        seed: u64,
+        shortest_period: Duration,
+    ) -> Result<Self, SettingsError> {
         let seed = settings.seed.unwrap_or(seed);
-        let channel = |name, deviations: &PerJoint, number| {
-            Ok(Channel { noise: Noise::new(seed, number), deviations: resolve(name, deviations, joints)? })
+        let out_of_range =
+            |SettingError { setting, value, expected }| SettingsError::out_of_range(setting, value, expected);
+        let timing = Timing { latency: draw.latency, drop_out: settings.drop_out };
+        timing.check().map_err(out_of_range)?;
+        let channel = |name, errors: &JointErrors, number: u64| {
+            let errors = errors.resolve(name, joints)?.iter().map(|errors| draw.errors(errors)).collect();
+            // the noises of readings are the first streams of a seed
+            let first = 16 * (number + 1);
+            Channel::each(name, errors, seed, [first, first + 1, number, first + 3]).map_err(out_of_range)
         };
-        let velocity = match settings.velocity {
-            VelocitySource::Measured => {
-                Velocity::Measured(channel("velocity_noise", &settings.velocity_noise, 1)?)
+        let velocity = match settings.differentiate {
+            None => Velocity::Measured(channel("velocity", &settings.velocity, 1)?),
+            Some(_) if settings.velocity != JointErrors::default() => {
+                return Err(SettingsError::NeedlessVelocityErrors);
             }
-            VelocitySource::Differentiated { .. }
-                if settings.velocity_noise.values().iter().any(|deviation| *deviation != 0.0) =>
-            {
-                return Err(SettingsError::NeedlessVelocityNoise);
-            }
-            VelocitySource::Differentiated { cutoff_hz } if cutoff_hz > 0.0 && cutoff_hz.is_finite() => {
+            Some(Differentiation { cutoff_hz }) if cutoff_hz > 0.0 && cutoff_hz.is_finite() => {
                 let (position, estimate) = (vec![0.0; joints], vec![0.0; joints]);
-                Velocity::Differentiated { cutoff_hz, since: None, position, estimate }
+                Velocity::Differentiated { cutoff_hz, position, estimate }
             }
-            VelocitySource::Differentiated { cutoff_hz: value } => {
-                let (name, expected) = ("velocity.cutoff_hz", "a positive number");
-                return Err(SettingsError::OutOfRange { name, value, expected });
+            Some(Differentiation { cutoff_hz }) => {
+                let name = "differentiate.cutoff_hz";
+                return Err(SettingsError::out_of_range(name, cutoff_hz, "a positive number"));
             }
         };
-        let latency_ns = settings.latency.ns;
+        let latency_ns = draw.latency.ns;
         let period_ns = u64::try_from(shortest_period.as_nanos()).unwrap_or(u64::MAX).max(1);
         let frames = latency_ns / period_ns;
         if frames > MOST_FRAMES {
@@ -121,10 +137,14 @@ impl EncoderModel {
         }
         Ok(Self {
             joints,
-            resolution: resolve("resolution", &settings.resolution, joints)?,
-            position: channel("position_noise", &settings.position_noise, 0)?,
+            position: channel("position", &settings.position, 0)?,
             velocity,
-            effort: channel("effort_noise", &settings.effort_noise, 2)?,
+            effort: channel("effort", &settings.effort, 2)?,
+            drop_out: settings.drop_out,
+            draws: Noise::new(seed, DROP_OUTS),
+            dropped: 0,
+            since: None,
+            values: vec![0.0; 3 * joints],
             line: DelayLine::new(latency_ns, 3 * joints, period_ns),
         })
     }
@@ -156,37 +176,38 @@ impl EncoderModel {
             return Err(SampleError { position: q.len(), velocity: v.len(), effort: tau.len(), joints });
         }
         let state_ns = times.state;
-        let (position, rest) = self.line.push_noted(time_ns, times.source).split_at_mut(joints);
+        let since = self.since.replace(state_ns);
+        let elapsed = since.map_or(0, |since| state_ns.saturating_sub(since)) as f64 * 1e-9;
+        let (position, rest) = self.values.split_at_mut(joints);
         let (velocity, effort) = rest.split_at_mut(joints);
         position.copy_from_slice(q);
-        self.position.disturb(position);
-        for (value, resolution) in position.iter_mut().zip(&self.resolution) {
-            if *resolution > 0.0 {
-                *value = (*value / resolution).round() * resolution;
-            }
-        }
+        self.position.measure(elapsed, position);
         match &mut self.velocity {
             Velocity::Measured(channel) => {
                 velocity.copy_from_slice(v);
-                channel.disturb(velocity);
+                channel.measure(elapsed, velocity);
             }
-            Velocity::Differentiated { cutoff_hz, since, position: previous, estimate } => {
+            Velocity::Differentiated { cutoff_hz, position: previous, estimate } => {
                 if since.is_none_or(|since| state_ns < since) {
                     estimate.fill(0.0);
-                } else if let Some(elapsed) = since.map(|since| state_ns - since).filter(|ns| *ns > 0) {
-                    let dt = elapsed as f64 * 1e-9;
-                    let share = -(-std::f64::consts::TAU * *cutoff_hz * dt).exp_m1();
+                } else if elapsed > 0.0 {
+                    let share = -(-std::f64::consts::TAU * *cutoff_hz * elapsed).exp_m1();
                     for ((estimate, now), before) in estimate.iter_mut().zip(&*position).zip(&*previous) {
-                        *estimate += share * ((now - before) / dt - *estimate);
+                        *estimate += share * ((now - before) / elapsed - *estimate);
                     }
                 }
-                *since = Some(state_ns);
                 previous.copy_from_slice(position);
                 velocity.copy_from_slice(estimate);
             }
         }
         effort.copy_from_slice(tau);
-        self.effort.disturb(effort);
+        self.effort.measure(elapsed, effort);
+        // one draw a reading, so that the others stay as they are when the share changes
+        if self.drop_out > 0.0 && self.draws.uniform() < self.drop_out {
+            self.dropped += 1;
+            return Ok(());
+        }
+        self.line.push_noted(time_ns, times.source).copy_from_slice(&self.values);
         Ok(())
     }
 
@@ -208,10 +229,9 @@ impl EncoderModel {
     pub fn lost(&self) -> u64 {
         self.line.lost()
     }
-}
 
-impl Channel {
-    fn disturb(&mut self, values: &mut [f64]) {
-        self.noise.add(&self.deviations, values);
+    /// Readings lost by `drop_out`.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
     }
 }

@@ -3,64 +3,75 @@
 use motorium::units::TimeSpan;
 use motorium_robots::{PerJoint, PerJointError};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
-/// The source of a velocity reading.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", tag = "kind", deny_unknown_fields)]
-pub enum VelocitySource {
-    /// A sensor of its own: the true velocity with `velocity_noise`. The default.
-    #[default]
-    Measured,
-    /// The difference of successive position readings over the time between them, through a first-order low-pass: what
-    /// most drives do. Noise and resolution of the position show in it; it is 0 at the first sample.
-    Differentiated {
-        /// Cut-off frequency of the low-pass, Hz.
-        cutoff_hz: f64,
-    },
+use crate::channel::ErrorModel;
+use crate::randomise::SensorRanges;
+
+/// The errors of one quantity of all joints, in the vocabulary of an [`ErrorModel`]: each number is one for all joints, or a list
+/// with one for each. Units are those of the joint: rad or, where it slides, m; N m or N.
+///
+/// ```toml
+/// noise      = 2e-5
+/// bias       = [1e-3, 1e-3, 0.0]
+/// resolution = 1e-5
+/// range      = 3.1
+/// ```
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct JointErrors {
+    /// Standard deviation of each reading, before it is quantised. Default 0.
+    pub noise: PerJoint,
+    /// Standard deviation of the bias at the start: of a position, the error of its zero. Default 0.
+    pub bias: PerJoint,
+    /// Standard deviation of the change of the bias in one second. Default 0.
+    pub bias_walk: PerJoint,
+    /// Standard deviation of the scale's error, as a share of the reading. Default 0.
+    pub scale_error: PerJoint,
+    /// Step of the readings; 0 for continuous ones, the default. A count of `n` bits a turn is `2 pi / 2^n`.
+    pub resolution: PerJoint,
+    /// Largest reading, of either sign. Default: no end.
+    pub range: Option<PerJoint>,
+}
+
+/// A velocity that is the difference of successive position readings over the time between them, through a first-order
+/// low-pass: what most drives do. Noise and resolution of the position show in it; it is 0 at the first sample.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Differentiation {
+    /// Cut-off frequency of the low-pass, Hz.
+    pub cutoff_hz: f64,
 }
 
 /// The joint sensors of a robot: settings of [`EncoderModel`](super::EncoderModel) and configuration of
-/// `sensor.joint_encoder`. The default is an ideal sensor. Units are those of the joint: rad or, where it slides, m.
+/// `sensor.joint_encoder`. The default is an ideal sensor.
 ///
 /// ```toml
-/// resolution     = 1e-5
-/// position_noise = 2e-5
-/// velocity       = { kind = "differentiated", cutoff_hz = 100.0 }
-/// latency        = "500 us"
+/// position      = { resolution = 1e-5, noise = 2e-5, bias = 1e-3 }
+/// effort        = { noise = 0.1, range = 87.0 }
+/// differentiate = { cutoff_hz = 100.0 }
+/// latency       = "500 us"
+/// drop_out      = 0.001
 /// ```
-#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct EncoderSettings {
-    /// Step of the position reading, rad (or m); 0 for a continuous one, the default. A count of `n` bits is `2 pi /
-    /// 2^n`.
-    pub resolution: PerJoint,
-    /// Standard deviation of the position before it is quantised, rad (or m). Default 0.
-    pub position_noise: PerJoint,
-    /// Standard deviation of a measured velocity, rad/s (or m/s). Default 0.
-    pub velocity_noise: PerJoint,
-    /// Standard deviation of the effort, N m (or N). Default 0.
-    pub effort_noise: PerJoint,
-    /// Source of the velocity. Default measured.
-    pub velocity: VelocitySource,
+    /// Errors of the position, rad (or m).
+    pub position: JointErrors,
+    /// Errors of a measured velocity, rad/s (or m/s). With `differentiate` there are none: those of the position show in it.
+    pub velocity: JointErrors,
+    /// Errors of the effort, N m (or N).
+    pub effort: JointErrors,
+    /// Differentiates the position readings. Default: the velocity is measured by a sensor of its own.
+    pub differentiate: Option<Differentiation>,
     /// Time from sampling until the reading is available, such as "500 us". Default none.
     pub latency: TimeSpan,
+    /// Share of the readings that are lost, 0 to 1. Default 0.
+    pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
-}
-
-impl Default for EncoderSettings {
-    fn default() -> Self {
-        Self {
-            resolution: PerJoint::default(),
-            position_noise: PerJoint::default(),
-            velocity_noise: PerJoint::default(),
-            effort_noise: PerJoint::default(),
-            velocity: VelocitySource::default(),
-            latency: TimeSpan { ns: 0 },
-            seed: None,
-        }
-    }
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    pub randomise: SensorRanges,
 }
 
 /// Settings that describe no sensor.
@@ -72,7 +83,7 @@ pub enum SettingsError {
     )]
     Count {
         /// The setting.
-        name: &'static str,
+        name: String,
         /// Length of the list.
         found: usize,
         /// Joints of the robot.
@@ -82,17 +93,17 @@ pub enum SettingsError {
     #[error("{name} = {value}: expected {expected}")]
     OutOfRange {
         /// The setting.
-        name: &'static str,
+        name: String,
         /// The number found.
         value: f64,
         /// The numbers expected.
         expected: &'static str,
     },
-    /// Noise on a velocity that is not measured.
+    /// Errors of a velocity that is not measured.
     #[error(
-        "velocity_noise is set, but the velocity is differentiated from the position and takes its noise from there: remove it, or choose velocity.kind = \"measured\""
+        "velocity has errors of its own, but it is differentiated from the position and takes its errors from there: remove `velocity`, or `differentiate`"
     )]
-    NeedlessVelocityNoise,
+    NeedlessVelocityErrors,
     /// A latency that would take too much memory.
     #[error(
         "a latency of {latency_ns} ns holds {frames} readings at the shortest period of {period_ns} ns, at most {limit} are possible: is it meant to be ms?"
@@ -111,29 +122,55 @@ pub enum SettingsError {
 
 impl SettingsError {
     /// The setting at fault.
-    pub fn setting(&self) -> &'static str {
+    pub fn setting(&self) -> &str {
         match self {
             Self::Count { name, .. } | Self::OutOfRange { name, .. } => name,
-            Self::NeedlessVelocityNoise => "velocity_noise",
+            Self::NeedlessVelocityErrors => "velocity",
             Self::Latency { .. } => "latency",
         }
     }
+
+    pub(super) fn out_of_range(name: impl Into<String>, value: f64, expected: &'static str) -> Self {
+        Self::OutOfRange { name: name.into(), value, expected }
+    }
 }
 
-/// Largest noise or resolution, in the unit of the setting: no sensor of a robot reads that far off.
+/// Largest number of an error: no sensor of a robot reads that far off.
 const LARGEST: f64 = 1e6;
 
-/// One number for each of `joints` joints, all from 0 to [`LARGEST`].
-pub(super) fn resolve(
-    name: &'static str,
-    numbers: &PerJoint,
-    joints: usize,
-) -> Result<Vec<f64>, SettingsError> {
-    let resolved = numbers
-        .resolve(joints)
-        .map_err(|PerJointError { found, expected }| SettingsError::Count { name, found, expected })?;
-    match numbers.values().iter().find(|value| !(0.0..=LARGEST).contains(*value)) {
-        Some(&value) => Err(SettingsError::OutOfRange { name, value, expected: "a number from 0 to 1e6" }),
-        None => Ok(resolved),
+impl JointErrors {
+    /// The errors of each of `joints` joints, of the quantity `name`.
+    ///
+    /// # Errors
+    /// A list of another length, a number below 0 or above 1e6.
+    pub(super) fn resolve(&self, name: &str, joints: usize) -> Result<Vec<ErrorModel>, SettingsError> {
+        let each = |key: &str, numbers: &PerJoint| {
+            let name = format!("{name}.{key}");
+            if let Some(&value) = numbers.values().iter().find(|value| !(0.0..=LARGEST).contains(*value)) {
+                return Err(SettingsError::OutOfRange { name, value, expected: "a number from 0 to 1e6" });
+            }
+            numbers.resolve(joints).map_err(|PerJointError { found, expected }| SettingsError::Count {
+                name,
+                found,
+                expected,
+            })
+        };
+        let [noise, bias, bias_walk, scale_error, resolution] = [
+            each("noise", &self.noise)?,
+            each("bias", &self.bias)?,
+            each("bias_walk", &self.bias_walk)?,
+            each("scale_error", &self.scale_error)?,
+            each("resolution", &self.resolution)?,
+        ];
+        let range = self.range.as_ref().map(|range| each("range", range)).transpose()?;
+        let errors = |joint: usize| ErrorModel {
+            noise: noise[joint],
+            bias: bias[joint],
+            bias_walk: bias_walk[joint],
+            scale_error: scale_error[joint],
+            resolution: resolution[joint],
+            range: range.as_ref().map(|range| range[joint]),
+        };
+        Ok((0..joints).map(errors).collect())
     }
 }

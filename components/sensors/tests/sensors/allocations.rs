@@ -5,17 +5,18 @@ use std::time::Duration;
 use motorium::testing::allocations;
 use motorium::units::TimeSpan;
 use motorium_robots::PerJoint;
-use motorium_sensors::encoder::{EncoderModel, EncoderSettings, VelocitySource};
+use motorium_sensors::encoder::{Differentiation, EncoderModel, EncoderSettings, JointErrors};
 
 #[test]
 fn sampling_and_reading_allocate_nothing() {
-    for velocity in [VelocitySource::Measured, VelocitySource::Differentiated { cutoff_hz: 100.0 }] {
+    for differentiate in [None, Some(Differentiation { cutoff_hz: 100.0 })] {
+        let all = |number: f64| PerJoint::All(number);
         let settings = EncoderSettings {
-            resolution: PerJoint::All(1e-4),
-            position_noise: PerJoint::All(1e-4),
-            effort_noise: PerJoint::All(0.1),
+            position: JointErrors { noise: all(1e-4), resolution: all(1e-4), ..JointErrors::default() },
+            effort: JointErrors { noise: all(0.1), bias_walk: all(0.1), ..JointErrors::default() },
+            drop_out: 0.1,
             latency: TimeSpan { ns: 3_500_000 },
-            velocity,
+            differentiate,
             ..EncoderSettings::default()
         };
         let mut encoder = EncoderModel::new(8, &settings, 0, Duration::from_millis(1)).unwrap();
@@ -28,6 +29,6 @@ fn sampling_and_reading_allocate_nothing() {
                 assert!(encoder.sample(time, &[0.0; 3], &[], &[]).is_err());
             }
         });
-        assert_eq!(count, 0, "{velocity:?}");
+        assert_eq!(count, 0, "{differentiate:?}");
     }
 }

@@ -61,19 +61,23 @@ fn readings_come_late_by_the_latency_and_stop_with_the_truth() {
 
 #[test]
 fn readings_are_quantised_and_noisy_as_configured_and_the_same_in_every_run() {
-    let config = "resolution = 0.01, velocity_noise = [0.5], effort_noise = 0.1, seed = 4";
+    let config =
+        "position = { resolution = 0.01 }, velocity = { noise = [0.5] }, effort = { noise = 0.1 }, seed = 4";
     let ((one, readings), (two, _)) = (run(config), run(config));
     assert_eq!(one.state_hash, two.state_hash);
     assert!(readings.iter().all(|reading| (reading.1 * 100.0 - (reading.1 * 100.0).round()).abs() < 1e-9));
     assert!(readings.iter().any(|reading| (reading.2 - 1.0).abs() > 0.1));
     assert!(readings.iter().all(|reading| reading.3 != 2.0));
-    assert_eq!(one.results["encoder"], serde_json::json!({ "readings": 50, "lost": 0 }));
+    assert_eq!(one.results["encoder"], serde_json::json!({ "readings": 50, "dropped": 0, "lost": 0 }));
     assert_ne!(run(&config.replace("seed = 4", "seed = 5")).0.state_hash, one.state_hash);
 }
 
 #[test]
 fn a_step_allocates_nothing() {
-    let (graph, _) = graph(truth(1000), r#"resolution = 0.001, position_noise = 0.001, latency = "3 ms""#);
+    let (graph, _) = graph(
+        truth(1000),
+        r#"position = { resolution = 0.001, noise = 0.001, bias_walk = 0.1 }, latency = "3 ms", drop_out = 0.1"#,
+    );
     let report = graph.run("1 s").unwrap();
     let encoder = report.components.iter().find(|component| component.name == "encoder").unwrap();
     assert_eq!((encoder.steps, encoder.allocations, encoder.errors), (1000, Some(0), 0));
@@ -83,7 +87,7 @@ fn a_step_allocates_nothing() {
 #[test]
 fn a_differentiated_velocity_does_not_jitter_with_the_times_of_publication() {
     let truth = Source::new("truth", "rod/true_state", |tick| Some(joint_state(tick.time())));
-    let (graph, readings) = graph(truth, r#"velocity = { kind = "differentiated", cutoff_hz = 1e6 }"#);
+    let (graph, readings) = graph(truth, "differentiate = { cutoff_hz = 1e6 }");
     let report = graph.set("clock", "realtime").run("300 ms").unwrap();
     let readings = readings.values();
     assert!(readings.len() > 10, "{} readings: {report:?}", readings.len());
@@ -119,11 +123,11 @@ fn it_declares_a_true_and_a_measured_joint_state() {
 #[test]
 fn configurations_that_cannot_be_are_refused_with_their_key() {
     let refuse = |config| declare(config, true).unwrap_err();
-    let (key, message) = refuse(serde_json::json!({ "resolution": [0.1, 0.1] }));
-    assert_eq!(key.as_deref(), Some("resolution"));
-    assert!(message.starts_with("resolution lists 2 numbers, the robot has 1 joints"), "{message}");
-    let (key, _) = refuse(serde_json::json!({ "position_noise": -1.0 }));
-    assert_eq!(key.as_deref(), Some("position_noise"));
+    let (key, message) = refuse(serde_json::json!({ "position": { "resolution": [0.1, 0.1] } }));
+    assert_eq!(key.as_deref(), Some("position.resolution"));
+    assert!(message.starts_with("position.resolution lists 2 numbers, the robot has 1 joints"), "{message}");
+    let (key, _) = refuse(serde_json::json!({ "position": { "noise": -1.0 } }));
+    assert_eq!(key.as_deref(), Some("position.noise"));
     let (_, message) = refuse(serde_json::json!({ "latency": "5" }));
     assert!(message.contains("without a unit"), "{message}");
     let (_, message) = refuse(serde_json::json!({ "latncy": "5 ms" }));

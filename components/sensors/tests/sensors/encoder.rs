@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use motorium::units::TimeSpan;
 use motorium_robots::PerJoint;
-use motorium_sensors::encoder::{EncoderModel, EncoderSettings, SampleError, SettingsError, VelocitySource};
+use motorium_sensors::encoder::{
+    Differentiation, EncoderModel, EncoderSettings, JointErrors, SampleError, SettingsError,
+};
 
 const PERIOD_NS: u64 = 1_000_000;
 
@@ -26,11 +28,20 @@ fn readings(settings: &EncoderSettings, samples: u64) -> [Vec<f64>; 3] {
     columns
 }
 
+fn noise(deviation: f64) -> JointErrors {
+    JointErrors { noise: PerJoint::All(deviation), ..JointErrors::default() }
+}
+
+/// Positions in steps.
+fn stepped(resolution: PerJoint) -> JointErrors {
+    JointErrors { resolution, ..JointErrors::default() }
+}
+
 fn noisy(seed: u64) -> EncoderSettings {
     EncoderSettings {
-        position_noise: PerJoint::All(2e-3),
-        velocity_noise: PerJoint::All(0.05),
-        effort_noise: PerJoint::All(0.4),
+        position: noise(2e-3),
+        velocity: noise(0.05),
+        effort: noise(0.4),
         seed: Some(seed),
         ..EncoderSettings::default()
     }
@@ -98,7 +109,7 @@ fn the_same_seed_gives_the_same_readings_and_another_seed_others() {
 
 #[test]
 fn switching_one_noise_off_leaves_the_others_as_they_were() {
-    let quiet = EncoderSettings { velocity_noise: PerJoint::All(0.0), ..noisy(5) };
+    let quiet = EncoderSettings { velocity: JointErrors::default(), ..noisy(5) };
     let ([position, _, effort], [same_position, velocity, same_effort]) =
         (readings(&noisy(5), 200), readings(&quiet, 200));
     assert_eq!((position, effort), (same_position, same_effort));
@@ -108,7 +119,7 @@ fn switching_one_noise_off_leaves_the_others_as_they_were() {
 #[test]
 fn a_position_is_the_nearest_whole_number_of_steps() {
     let step = TAU / 8192.0;
-    let settings = EncoderSettings { resolution: PerJoint::All(step), ..EncoderSettings::default() };
+    let settings = EncoderSettings { position: stepped(PerJoint::All(step)), ..EncoderSettings::default() };
     let mut encoder = encoder(1, &settings);
     for k in 0..20_000_u64 {
         let truth = -4.0 + 4e-4 * k as f64;
@@ -122,7 +133,10 @@ fn a_position_is_the_nearest_whole_number_of_steps() {
 
 #[test]
 fn noisy_positions_lie_on_the_steps_too() {
-    let settings = EncoderSettings { resolution: PerJoint::All(1e-3), ..noisy(1) };
+    let settings = EncoderSettings {
+        position: JointErrors { noise: PerJoint::All(2e-3), ..stepped(PerJoint::All(1e-3)) },
+        ..noisy(1)
+    };
     let [position, ..] = readings(&settings, 5000);
     assert!(position.iter().all(|q| (q / 1e-3 - (q / 1e-3).round()).abs() < 1e-9));
     let distinct: std::collections::BTreeSet<i64> =
@@ -133,8 +147,10 @@ fn noisy_positions_lie_on_the_steps_too() {
 #[test]
 fn every_joint_has_its_own_resolution_and_noise() {
     let settings = EncoderSettings {
-        resolution: PerJoint::Each(vec![0.1, 0.0]),
-        position_noise: PerJoint::Each(vec![0.0, 1e-3]),
+        position: JointErrors {
+            noise: PerJoint::Each(vec![0.0, 1e-3]),
+            ..stepped(PerJoint::Each(vec![0.1, 0.0]))
+        },
         ..EncoderSettings::default()
     };
     let mut encoder = encoder(2, &settings);
@@ -173,7 +189,7 @@ fn a_latency_of_half_a_period_shows_at_the_next_tick() {
 }
 
 fn differentiated(cutoff_hz: f64) -> EncoderSettings {
-    EncoderSettings { velocity: VelocitySource::Differentiated { cutoff_hz }, ..EncoderSettings::default() }
+    EncoderSettings { differentiate: Some(Differentiation { cutoff_hz }), ..EncoderSettings::default() }
 }
 
 #[test]
@@ -192,7 +208,7 @@ fn a_differentiated_velocity_follows_a_ramp_like_a_first_order_low_pass() {
 #[test]
 fn a_differentiated_velocity_shows_the_steps_of_the_position() {
     let step = 1e-3;
-    let settings = EncoderSettings { resolution: PerJoint::All(step), ..differentiated(1e6) };
+    let settings = EncoderSettings { position: stepped(PerJoint::All(step)), ..differentiated(1e6) };
     let mut encoder = encoder(1, &settings);
     for k in 0..1000_u64 {
         encoder.sample(k * PERIOD_NS, &[0.3e-3 * k as f64], &[0.3], &[0.0]).unwrap();
@@ -228,26 +244,111 @@ fn a_joint_state_of_another_size_is_refused() {
 fn settings_that_describe_no_sensor_are_refused() {
     let refuse =
         |settings: EncoderSettings| EncoderModel::new(2, &settings, 0, Duration::from_millis(1)).unwrap_err();
-    let settings = EncoderSettings { resolution: PerJoint::Each(vec![0.1]), ..EncoderSettings::default() };
-    assert_eq!(refuse(settings), SettingsError::Count { name: "resolution", found: 1, expected: 2 });
-    let settings = EncoderSettings { position_noise: PerJoint::All(-1.0), ..EncoderSettings::default() };
-    assert_eq!(refuse(settings).to_string(), "position_noise = -1: expected a number from 0 to 1e6");
-    let settings = EncoderSettings { velocity_noise: PerJoint::All(0.1), ..differentiated(50.0) };
-    assert_eq!(refuse(settings), SettingsError::NeedlessVelocityNoise);
-    assert!(refuse(differentiated(0.0)).to_string().starts_with("velocity.cutoff_hz = 0"));
+    let settings =
+        EncoderSettings { position: stepped(PerJoint::Each(vec![0.1])), ..EncoderSettings::default() };
+    assert_eq!(
+        refuse(settings),
+        SettingsError::Count { name: "position.resolution".to_string(), found: 1, expected: 2 }
+    );
+    let settings = EncoderSettings { position: noise(-1.0), ..EncoderSettings::default() };
+    assert_eq!(refuse(settings).to_string(), "position.noise = -1: expected a number from 0 to 1e6");
+    let settings = EncoderSettings { velocity: noise(0.1), ..differentiated(50.0) };
+    assert_eq!(refuse(settings), SettingsError::NeedlessVelocityErrors);
+    assert!(refuse(differentiated(0.0)).to_string().starts_with("differentiate.cutoff_hz = 0"));
     let settings = EncoderSettings { latency: TimeSpan { ns: u64::MAX }, ..EncoderSettings::default() };
     assert!(matches!(refuse(settings), SettingsError::Latency { .. }));
 }
 
 #[test]
 fn settings_are_read_from_a_file_with_one_number_or_a_list() {
-    let text = r#"{"resolution": [0.001, 0.0], "position_noise": 0.002, "latency": "500 us",
-                   "velocity": {"kind": "differentiated", "cutoff_hz": 80.0}}"#;
+    let text = r#"{"position": {"resolution": [0.001, 0.0], "noise": 0.002}, "latency": "500 us",
+                   "differentiate": {"cutoff_hz": 80.0}}"#;
     let settings: EncoderSettings = serde_json::from_str(text).unwrap();
-    assert_eq!(settings.resolution, PerJoint::Each(vec![0.001, 0.0]));
-    assert_eq!(settings.position_noise, PerJoint::All(0.002));
+    assert_eq!(settings.position.resolution, PerJoint::Each(vec![0.001, 0.0]));
+    assert_eq!(settings.position.noise, PerJoint::All(0.002));
     assert_eq!(settings.latency.ns, 500_000);
-    assert_eq!(settings.velocity, VelocitySource::Differentiated { cutoff_hz: 80.0 });
-    let error = serde_json::from_str::<EncoderSettings>(r#"{"resolutoin": 1.0}"#).unwrap_err().to_string();
-    assert!(error.contains("resolutoin"), "{error}");
+    assert_eq!(settings.differentiate, Some(Differentiation { cutoff_hz: 80.0 }));
+    let error = serde_json::from_str::<EncoderSettings>(r#"{"position": {"resolutoin": 1.0}}"#);
+    assert!(error.unwrap_err().to_string().contains("resolutoin"));
+}
+
+#[test]
+fn readings_end_at_the_range_of_their_joint() {
+    let ended = |range: PerJoint| JointErrors { range: Some(range), ..JointErrors::default() };
+    let settings = EncoderSettings {
+        position: ended(PerJoint::Each(vec![0.5, 9.0])),
+        velocity: ended(PerJoint::All(2.0)),
+        effort: ended(PerJoint::Each(vec![1e6, 3.0])),
+        ..EncoderSettings::default()
+    };
+    let mut encoder = encoder(2, &settings);
+    encoder.sample(0, &[-0.7, -0.7], &[5.0, -1.0], &[40.0, 40.0]).unwrap();
+    let reading = encoder.reading(0).unwrap();
+    assert_eq!(
+        (reading.position, reading.velocity, reading.effort),
+        (&[-0.5, -0.7][..], &[2.0, -1.0][..], &[40.0, 3.0][..])
+    );
+}
+
+/// Five standard errors of the deviation of 2000 numbers.
+const OF_2000: f64 = 5.0 / 63.2;
+
+#[test]
+fn the_zero_and_the_scale_of_each_joint_are_off_by_deviations_that_are_asked_for_and_stay() {
+    let joints = 2000;
+    let position =
+        JointErrors { bias: PerJoint::All(0.01), scale_error: PerJoint::All(0.02), ..JointErrors::default() };
+    let settings = EncoderSettings { position, ..EncoderSettings::default() };
+    let mut encoder = encoder(joints, &settings);
+    let mut read = |time: u64, q: f64| {
+        encoder.sample(time, &vec![q; joints], &vec![0.0; joints], &vec![0.0; joints]).unwrap();
+        encoder.reading(time).unwrap().position.to_vec()
+    };
+    let (zero, again, ten) = (read(0, 0.0), read(PERIOD_NS, 0.0), read(2 * PERIOD_NS, 10.0));
+    assert_eq!(zero, again, "the same in each reading");
+    let deviation = |values: &[f64]| (values.iter().map(|v| v * v).sum::<f64>() / joints as f64).sqrt();
+    assert!((deviation(&zero) / 0.01 - 1.0).abs() < OF_2000, "{}", deviation(&zero));
+    let scales: Vec<f64> = zero.iter().zip(&ten).map(|(zero, ten)| (ten - zero) / 10.0 - 1.0).collect();
+    assert!((deviation(&scales) / 0.02 - 1.0).abs() < OF_2000, "{}", deviation(&scales));
+}
+
+#[test]
+fn a_bias_walks_with_the_root_of_the_time_of_the_states() {
+    let joints = 2000;
+    let effort = JointErrors { bias_walk: PerJoint::All(0.3), ..JointErrors::default() };
+    let settings = EncoderSettings { effort, ..EncoderSettings::default() };
+    let mut encoder = encoder(joints, &settings);
+    let zeros = vec![0.0; joints];
+    for k in 0..=400_u64 {
+        encoder.sample(k * PERIOD_NS, &zeros, &zeros, &zeros).unwrap();
+    }
+    let walked = encoder.reading(400 * PERIOD_NS).unwrap().effort;
+    let deviation = (walked.iter().map(|v| v * v).sum::<f64>() / joints as f64).sqrt();
+    assert!((deviation / (0.3 * 0.4_f64.sqrt()) - 1.0).abs() < OF_2000, "{deviation}");
+}
+
+#[test]
+fn a_share_of_the_readings_is_lost_and_the_others_stay_as_they_were() {
+    let settings = EncoderSettings { drop_out: 0.2, ..noisy(6) };
+    let (mut all, mut some) = (encoder(1, &noisy(6)), encoder(1, &settings));
+    let mut kept = 0_u32;
+    for k in 0..10_000_u64 {
+        for encoder in [&mut all, &mut some] {
+            encoder.sample(k * PERIOD_NS, &[0.4], &[-0.2], &[3.0]).unwrap();
+        }
+        let whole = all.reading(k * PERIOD_NS).unwrap();
+        if let Some(reading) =
+            some.reading(k * PERIOD_NS).filter(|reading| reading.sampled_at == k * PERIOD_NS)
+        {
+            assert_eq!(reading, whole);
+            kept += 1;
+        }
+    }
+    assert_eq!(u64::from(kept) + some.dropped(), 10_000);
+    let share = 1.0 - f64::from(kept) / 10_000.0;
+    assert!((share - 0.2).abs() < 5.0 * (0.2_f64 * 0.8 / 1e4).sqrt(), "{share}");
+    assert_eq!(all.dropped(), 0);
+    let wrong = EncoderSettings { drop_out: 1.5, ..EncoderSettings::default() };
+    let error = EncoderModel::new(1, &wrong, 0, Duration::from_millis(1)).unwrap_err();
+    assert_eq!(error.to_string(), "drop_out = 1.5: expected a share from 0 to 1");
 }

@@ -16,5 +16,6 @@ mod place;
 mod randomised;
 mod rays;
 mod shaped_terrain;
+mod vocabulary;
 
 motorium::count_allocations!();

@@ -1,10 +1,15 @@
 //! Parameters of sensors that are drawn anew for every episode.
 
+use motorium::component::Component;
 use motorium::prelude::*;
-use motorium::state::Randomisation;
+use motorium::state::{Altitude, FootContacts, Randomisation, Ranges};
 use motorium::testing::{Graph, Instance, Probe, Sample, Source};
+use motorium_sensors::JointEncoder;
 use motorium_sensors::channel::ErrorModel;
+use motorium_sensors::component::contact::FootContactSensor;
 use motorium_sensors::component::imu::Imu;
+use motorium_sensors::component::place::{Altimeter, AtPlace};
+use motorium_sensors::component::rays::{AlongRays, RaySensor};
 use motorium_sensors::randomise::SensorRanges;
 
 fn span(ms: u64) -> TimeSpan {
@@ -106,4 +111,86 @@ fn the_noise_and_the_latency_of_an_episode_are_those_that_it_publishes() {
     }
     assert!(seen.windows(2).all(|pair| pair[0] != pair[1]), "{seen:?}");
     assert_eq!(still(2).1.find(Randomisation::SENSOR_NOISE, 0), Some(seen[2]));
+}
+
+/// Deviation of the readings of a quantity by a sensor of noise 0.01 of a standing quadruped from their mean, their least age,
+/// and what was drawn.
+fn standing<C: Component, T: StateBuffer + Send>(
+    port: &str,
+    quantity: &str,
+    config: &str,
+    read: impl Fn(&T) -> f64,
+) -> (f64, u64, Randomisation) {
+    let base = Source::new("base", "base", |_| {
+        Some(BaseState {
+            position: [0.0, 0.0, 5.0],
+            orientation: [0.0, 0.0, 0.0, 1.0],
+            ..BaseState::default()
+        })
+    });
+    let joints = Source::new("joints", "joints", |_| {
+        let mut state = JointState::default();
+        state.set_count(12);
+        Some(state)
+    });
+    let contacts = Source::new("contacts", "contacts", |_| Some(motorium::state::Contacts::default()));
+    let (readings, drawn) = (Probe::<T>::of("reading"), Probe::<Randomisation>::of("drawn"));
+    let config = format!(
+        "{quantity} = {{ noise = 0.01 }}\nseed = 3\nrandomise = {{ noise = [2.0, 9.0], latency = [\"3 ms\", \"9 ms\"] }}\n{config}"
+    );
+    let name = C::KIND;
+    let mut sensor = Instance::of::<C>("sensor")
+        .rate("1 kHz")
+        .robot("dog")
+        .publish(port, "reading")
+        .publish("drawn", "drawn")
+        .set("config", toml::Value::Table(config.parse().unwrap()));
+    sensor = match name {
+        "sensor.contact" => sensor.subscribe("contacts", "contacts"),
+        "sensor.joint_encoder" => sensor.subscribe("joint_state", "joints"),
+        _ => sensor.subscribe("base_state", "base"),
+    };
+    let graph = Graph::new("standing").robot("dog", "quadruped");
+    let graph = match name {
+        "sensor.contact" => graph.with(contacts),
+        "sensor.joint_encoder" => graph.with(joints),
+        _ => graph.with(base),
+    };
+    let report = graph.with(sensor).with(&readings).with(&drawn).run("1 s").unwrap();
+    let sensor = report.components.iter().find(|component| component.name == "sensor").unwrap();
+    assert_eq!((sensor.allocations, sensor.errors), (Some(0), 0), "{name}");
+    let samples = readings.samples();
+    assert!(samples.len() > 950, "{name}: {}", samples.len());
+    let values: Vec<f64> = samples.iter().map(|sample| read(&sample.value)).collect();
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len() as f64;
+    let age =
+        samples.iter().map(|sample| sample.stamp.publish_time - sample.stamp.source_time).min().unwrap();
+    assert_eq!(
+        report.results["sensor"]["drawn"]["noise"],
+        drawn.values()[0].find(Randomisation::SENSOR_NOISE, 0).unwrap()
+    );
+    (variance.sqrt(), age, drawn.values()[0])
+}
+
+#[test]
+fn encoders_altimeters_rays_and_feet_draw_their_noise_and_latency_too() {
+    let all = [
+        standing::<JointEncoder, JointState>("measured", "position", "", |state| state.position()[2]),
+        standing::<AtPlace<Altimeter>, Altitude>("altitude", "height", "", |altitude| altitude.height),
+        standing::<AlongRays<RaySensor>, Ranges>(
+            "range",
+            "distance",
+            "sees_robot = false\nmount = { rpy = [0.0, 1.5707963267948966, 0.0] }\nworld = { ground = {} }",
+            |ranges| f64::from(ranges.range()[0]),
+        ),
+        standing::<FootContactSensor, FootContacts>("feet", "force", "", |feet| feet.force()[1]),
+    ];
+    for (deviation, age, drawn) in all {
+        let factor = drawn.find(Randomisation::SENSOR_NOISE, 0).unwrap();
+        assert!((deviation / (0.01 * factor) - 1.0).abs() < 0.12, "{deviation}, factor {factor}");
+        let latency = drawn.find(Randomisation::SENSOR_LATENCY, 0).unwrap();
+        let age = age as f64 * 1e-9;
+        assert!(age >= latency - 1e-9 && age < latency + 1e-3 + 1e-9, "{age}, {latency}");
+    }
 }

@@ -161,6 +161,6 @@ fn picture(library: &MotionLibrary, path: &nalgebra::DMatrix<f64>) -> String {
             .map(|(k, y)| [k as f64 * library.spring().step(), *y, 0.0])
             .collect(),
     });
-    let (x, y) = ("time, durations".to_string(), "position".to_string());
+    let (x, y) = ("time, durations".to_string(), "position, units of the recordings".to_string());
     Chart { title: String::new(), x, y, log_x: false, log_y: false, series: series.collect() }.svg()
 }

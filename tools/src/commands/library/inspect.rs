@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use motorium_library::file;
 
-use crate::chart::{Chart, Series};
+use crate::chart::eigenforces;
 
 /// Show the content of a library.
 ///
@@ -29,19 +29,7 @@ impl Inspect {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let library = file::read(&self.file)?;
         if let Some(plot) = &self.plot {
-            let steps = library.spring().forces();
-            let names = library.layout().names();
-            let mut series = Vec::new();
-            for k in 0..self.eigenforces.min(library.rank()) {
-                let column = library.eigenforces().column(k);
-                for (name, forces) in names.iter().zip(column.as_slice().chunks_exact(steps)) {
-                    let points =
-                        forces.iter().enumerate().map(|(i, f)| [i as f64 * library.spring().step(), *f, 0.0]);
-                    series.push(Series { name: format!("{} {name}", k + 1), points: points.collect() });
-                }
-            }
-            let (x, y) = ("time, durations".to_string(), "force".to_string());
-            let chart = Chart { title: "Eigenforces".into(), x, y, log_x: false, log_y: false, series };
+            let chart = eigenforces(&library, "Eigenforces", 0..self.eigenforces);
             std::fs::write(plot, chart.svg())?;
         }
         super::show(&library, Some(&self.file), self.json)

@@ -151,7 +151,7 @@ fn panels(file: &PrimitiveFile) -> anyhow::Result<Vec<Panel>> {
             Primitive::Probabilistic(_) | Primitive::Kernelised(_) | Primitive::Polynomial(_) => None,
         };
         if let Some(forcing) = forcing {
-            let mut panel = Panel::new(&format!("forcing of {name}"));
+            let mut panel = Panel::new(&format!("forcing of {name}, units of {name}"));
             panel.line(forcing);
             panels.push(panel);
         }

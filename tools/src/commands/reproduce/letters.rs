@@ -66,18 +66,8 @@ fn spectrum(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Resul
 }
 
 fn eigenforces(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Result<()> {
-    let steps = library.spring().forces();
-    let mut series = Vec::new();
-    for k in [0, 1, 2, 9] {
-        let column = library.eigenforces().column(k.min(library.rank() - 1));
-        for (name, forces) in library.layout().names().iter().zip(column.as_slice().chunks_exact(steps)) {
-            let points =
-                forces.iter().enumerate().map(|(i, f)| [i as f64 * library.spring().step(), *f, 0.0]);
-            series.push(Series { name: format!("{} {name}", k + 1), points: points.collect() });
-        }
-    }
-    let title = "Eigenforces 1, 2, 3 and 10";
-    writer.chart("eigenforces", &chart(title, ["time, durations", "force"], [false, false], series))?;
+    let chart = crate::chart::eigenforces(library, "Eigenforces 1, 2, 3 and 10", [0, 1, 2, 9].into_iter());
+    writer.chart("eigenforces", &chart)?;
     writer.bar.add(1);
     Ok(())
 }
@@ -165,7 +155,7 @@ fn bases(
     let series = all(&|e| [e.position.mean, e.position.deviation / count]);
     writer.chart("fig-3-14-position", &chart(title, axes, [true, true], series))?;
     let title = "3.14  Held-out letters: error of force";
-    let axes = ["weights in all", "error of force"];
+    let axes = ["weights in all", "root mean square of the force left out / of the force"];
     writer.chart("fig-3-14-force", &chart(title, axes, [true, true], all(&|e| [e.force, 0.0])))?;
     let at = |name: &str, n: usize| {
         found.iter().find(|(basis, e)| *basis == name && e.n == n).map_or(f64::NAN, |(_, e)| e.position.mean)

@@ -35,7 +35,7 @@ pub(super) struct Qp {
 struct Figure {
     file: &'static str,
     title: &'static str,
-    unit: &'static str,
+    y: &'static str,
     value: fn(&StackSample) -> f64,
 }
 
@@ -43,13 +43,13 @@ const FIGURES: [Figure; 2] = [
     Figure {
         file: "qp-hand",
         title: "Distance of the hand from its target",
-        unit: "m",
+        y: "distance, m",
         value: |sample| sample.position,
     },
     Figure {
         file: "qp-posture",
         title: "Difference of the joints from the posture",
-        unit: "rad",
+        y: "difference, rad",
         value: |sample| sample.posture,
     },
 ];
@@ -69,7 +69,7 @@ impl Qp {
             runs.push(run_stack(model, home.as_slice(), hand, stack, self.seconds)?);
             writer.bar.add(1);
         }
-        for Figure { file, title, unit, value } in FIGURES {
+        for Figure { file, title, y, value } in FIGURES {
             let series = TaskStack::ALL.iter().zip(&runs).map(|(stack, samples)| Series {
                 name: stack.name().to_owned(),
                 // every 20 ms
@@ -77,8 +77,8 @@ impl Qp {
             });
             let chart = Chart {
                 title: title.to_owned(),
-                x: "s".to_owned(),
-                y: unit.to_owned(),
+                x: "time, s".to_owned(),
+                y: y.to_owned(),
                 log_x: false,
                 log_y: false,
                 series: series.collect(),

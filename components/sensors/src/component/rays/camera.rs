@@ -12,6 +12,7 @@ use super::super::readings::refused;
 use super::depth_camera::{MOST_PIXELS, PICTURES};
 use super::{Common, Looks, Mount, RangeSensor, Timing};
 use crate::pinhole::Pinhole;
+use crate::randomise::{SensorDraw, SensorRanges};
 use crate::rendering::{PixelNoise, PixelSensor, Renderer};
 
 /// Configuration of `sensor.camera`. The default is an ideal camera of 160 x 120 pixels at the root link that looks along its x.
@@ -52,6 +53,8 @@ pub struct CameraConfig {
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    pub randomise: SensorRanges,
 }
 
 /// Focal lengths and optical axis of a camera, as a calibration gives them.
@@ -91,6 +94,7 @@ impl Default for CameraConfig {
             latency: TimeSpan { ns: 0 },
             drop_out: 0.0,
             seed: None,
+            randomise: SensorRanges::default(),
         }
     }
 }
@@ -170,19 +174,26 @@ impl RangeSensor for Camera {
             sees_robot: config.sees_robot,
             timing: Timing { latency: config.latency, drop_out: config.drop_out },
             seed: config.seed,
+            randomise: &config.randomise,
         }
     }
 
-    fn new(config: &CameraConfig, seed: u64) -> Result<Self, ConfigError> {
+    fn new(config: &CameraConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         if !(config.most > 0.0 && config.most <= 1e6) {
             let message = format!("{}: expected a distance above 0, up to 1e6 m", config.most);
             return Err(ConfigError::key("most", message));
         }
         let renderer = Renderer::new(config.pinhole()?, config.most);
-        let sensor = PixelSensor::new(&config.noise, seed).map_err(|error| {
-            let setting = format!("noise.{}", error.setting);
-            refused(crate::channel::SettingError { setting, ..error })
-        })?;
+        if config.randomise.bias.is_some() {
+            return Err(ConfigError::key("randomise.bias", "pixels have no bias")
+                .advise("randomise `noise` or `latency`"));
+        }
+        let sensor = PixelSensor::new(&config.noise, seed)
+            .and_then(|_| PixelSensor::new(&config.noise.scaled(draw.noise), seed))
+            .map_err(|error| {
+                let setting = format!("noise.{}", error.setting);
+                refused(crate::channel::SettingError { setting, ..error })
+            })?;
         let picture = vec![[0.0; 3]; renderer.pixels()];
         Ok(Self { renderer, sensor, looks: None, picture })
     }

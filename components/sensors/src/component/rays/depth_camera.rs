@@ -12,6 +12,7 @@ use super::super::readings::refused;
 use super::{Common, Mount, RangeSensor, Timing};
 use crate::channel::ErrorModel;
 use crate::pinhole::Pinhole;
+use crate::randomise::{SensorDraw, SensorRanges};
 use crate::ranging::{RangeModel, RangeSettings};
 
 /// Configuration of `sensor.depth_camera`. The default is an ideal camera of 160 x 120 pixels at the root link that looks along
@@ -54,6 +55,8 @@ pub struct DepthCameraConfig {
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    pub randomise: SensorRanges,
 }
 
 impl Default for DepthCameraConfig {
@@ -72,6 +75,7 @@ impl Default for DepthCameraConfig {
             latency: TimeSpan { ns: 0 },
             drop_out: 0.0,
             seed: None,
+            randomise: SensorRanges::default(),
         }
     }
 }
@@ -133,10 +137,11 @@ impl RangeSensor for DepthCamera {
             sees_robot: config.sees_robot,
             timing: Timing { latency: config.latency, drop_out: config.drop_out },
             seed: config.seed,
+            randomise: &config.randomise,
         }
     }
 
-    fn new(config: &DepthCameraConfig, seed: u64) -> Result<Self, ConfigError> {
+    fn new(config: &DepthCameraConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         let DepthCameraConfig { width, height, field_of_view, least, most, depth, lost, .. } = *config;
         let pixels = u64::from(width) * u64::from(height);
         if !(1..=MOST_PIXELS).contains(&pixels) {
@@ -150,7 +155,7 @@ impl RangeSensor for DepthCamera {
         let pinhole = Pinhole::new(width, height, field_of_view);
         let directions: Vec<_> = pinhole.directions().collect();
         let count = directions.len();
-        let settings = RangeSettings { distance: depth, least, most, lost };
+        let settings = RangeSettings { distance: draw.errors(&depth), least, most, lost };
         let model = RangeModel::new(&settings, count, seed).map_err(|error| {
             let setting = error.setting.replacen("distance", "depth", 1);
             refused(crate::channel::SettingError { setting, ..error })

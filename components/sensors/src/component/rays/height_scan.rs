@@ -10,6 +10,7 @@ use serde::Deserialize;
 use super::super::readings::refused;
 use super::{Common, Mount, RangeSensor, Timing};
 use crate::channel::{Channel, ErrorModel};
+use crate::randomise::{SensorDraw, SensorRanges};
 
 /// Configuration of `sensor.height_scan`. The default is an ideal scan of 17 x 11 points about the root link.
 ///
@@ -45,6 +46,8 @@ pub struct HeightScanConfig {
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    pub randomise: SensorRanges,
 }
 
 impl Default for HeightScanConfig {
@@ -61,6 +64,7 @@ impl Default for HeightScanConfig {
             latency: TimeSpan { ns: 0 },
             drop_out: 0.0,
             seed: None,
+            randomise: SensorRanges::default(),
         }
     }
 }
@@ -111,10 +115,11 @@ impl RangeSensor for HeightScanSensor {
             sees_robot: config.sees_robot,
             timing: Timing { latency: config.latency, drop_out: config.drop_out },
             seed: config.seed,
+            randomise: &config.randomise,
         }
     }
 
-    fn new(config: &HeightScanConfig, seed: u64) -> Result<Self, ConfigError> {
+    fn new(config: &HeightScanConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         let points = config.points()?;
         let HeightScanConfig { spacing, least, most, .. } = *config;
         if !(least.is_finite() && most.is_finite() && least < most) {
@@ -122,7 +127,8 @@ impl RangeSensor for HeightScanSensor {
             return Err(ConfigError::key("least", message));
         }
         let count = points[0] * points[1];
-        let channel = Channel::new("height", &config.height, count, seed, 0).map_err(refused)?;
+        let channel =
+            Channel::new("height", &draw.errors(&config.height), count, seed, 0).map_err(refused)?;
         let down = Ray { origin: Point3::origin(), direction: -Vector3::z_axis() };
         Ok(Self { points, spacing, least, most, channel, rays: vec![down; count], hits: vec![None; count] })
     }

@@ -13,6 +13,7 @@ use serde::Deserialize;
 use super::super::readings::refused;
 use super::{Common, Mount, RangeSensor, Timing};
 use crate::channel::ErrorModel;
+use crate::randomise::{SensorDraw, SensorRanges};
 use crate::ranging::{RangeModel, RangeSettings, azimuths, direction};
 
 /// Configuration of `sensor.lidar`. The default is an ideal sensor at the root link with 360 rays around z.
@@ -55,6 +56,8 @@ pub struct LidarConfig {
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    pub randomise: SensorRanges,
 }
 
 impl Default for LidarConfig {
@@ -73,6 +76,7 @@ impl Default for LidarConfig {
             latency: TimeSpan { ns: 0 },
             drop_out: 0.0,
             seed: None,
+            randomise: SensorRanges::default(),
         }
     }
 }
@@ -195,10 +199,11 @@ impl RangeSensor for Lidar {
             sees_robot: config.sees_robot,
             timing: Timing { latency: config.latency, drop_out: config.drop_out },
             seed: config.seed,
+            randomise: &config.randomise,
         }
     }
 
-    fn new(config: &LidarConfig, seed: u64) -> Result<Self, ConfigError> {
+    fn new(config: &LidarConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         let LidarConfig { distance, least, most, lost, field_of_view, rays, ref elevations, .. } = *config;
         if !(field_of_view > 0.0 && field_of_view <= TAU + 1e-6) {
             let message = format!("{field_of_view}: expected an angle above 0, up to a turn of {TAU:.6} rad");
@@ -216,7 +221,8 @@ impl RangeSensor for Lidar {
         let angles = elevations
             .iter()
             .flat_map(|elevation| azimuths(field_of_view, rays).map(move |azimuth| (azimuth, *elevation)));
-        Fan::new(angles, &RangeSettings { distance, least, most, lost }, seed).map(Self)
+        Fan::new(angles, &RangeSettings { distance: draw.errors(&distance), least, most, lost }, seed)
+            .map(Self)
     }
 
     fn width(&self) -> usize {

@@ -9,15 +9,19 @@ mod looks;
 mod ray;
 mod view;
 
+use std::time::Duration;
+
 use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium_robots::{RayScene, World};
 use nalgebra::Isometry3;
 use schemars::JsonSchema;
 
+use super::draws::Draws;
 use super::readings::Readings;
 use super::robot::Mount;
 use crate::channel::Timing;
+use crate::randomise::{SensorDraw, SensorRanges};
 use crate::rendering::Looks;
 
 pub use camera::{Camera, CameraConfig, CameraOutputs, Intrinsics};
@@ -35,6 +39,7 @@ pub struct Common<'a> {
     sees_robot: bool,
     timing: Timing,
     seed: Option<u64>,
+    randomise: &'a SensorRanges,
 }
 
 impl<'a> Common<'a> {
@@ -58,11 +63,11 @@ pub trait RangeSensor: Sized + 'static {
 
     /// Its place, what it sees, its latency, and its seed.
     fn common(config: &Self::Config) -> Common<'_>;
-    /// The sensor of a seed.
+    /// The sensor of a seed, with the errors of an episode.
     ///
     /// # Errors
     /// A number out of range.
-    fn new(config: &Self::Config, seed: u64) -> Result<Self, ConfigError>;
+    fn new(config: &Self::Config, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError>;
     /// Numbers of a reading.
     fn width(&self) -> usize;
     /// Declares the outputs.
@@ -90,6 +95,8 @@ pub struct AlongRays<S: RangeSensor> {
     config: S::Config,
     sensor: S,
     readings: Readings,
+    draws: Draws,
+    period: Duration,
     values: Vec<f64>,
     since: Option<u64>,
     clock: RunClock,
@@ -104,8 +111,11 @@ impl<S: RangeSensor> Component for AlongRays<S> {
 
     fn declare(config: &S::Config, declare: &mut Declare) -> Result<(), ConfigError> {
         let common = S::common(config);
-        let sensor = S::new(config, 0)?;
-        Readings::declare_wide(&common.timing, sensor.width(), declare)?;
+        let Common { timing, randomise, .. } = common;
+        Draws::declare(randomise, declare)?;
+        let sensor = S::new(config, 0, &randomise.draw(0, timing.latency))?;
+        let timing = timing.late(randomise.longest(timing.latency));
+        Readings::declare_wide(&timing, sensor.width(), declare)?;
         View::declare(common.seen(), declare)?;
         sensor.declare(declare);
         Ok(())
@@ -114,13 +124,17 @@ impl<S: RangeSensor> Component for AlongRays<S> {
     fn configure(config: S::Config, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let common = S::common(&config);
         let seed = common.seed.unwrap_or(setup.seed());
-        let mut sensor = S::new(&config, seed)?;
+        let draws = Draws::open(common.randomise, common.timing.latency, seed, setup)?;
+        let mut sensor = S::new(&config, seed, &draws.now())?;
+        let timing = common.timing.late(draws.now().latency);
         let view = View::open(common.seen(), S::SEES_COLOURS, setup)?;
         view.looks().into_iter().for_each(|looks| sensor.dress(looks));
         Ok(Self {
             view,
             outputs: sensor.open(setup)?,
-            readings: Readings::new(&common.timing, sensor.width(), setup.period(), seed)?,
+            readings: Readings::new(&timing, sensor.width(), setup.period(), seed)?,
+            draws,
+            period: setup.period(),
             values: vec![0.0; sensor.width()],
             since: None,
             clock: setup.clock(),
@@ -130,6 +144,7 @@ impl<S: RangeSensor> Component for AlongRays<S> {
     }
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        self.draws.publish()?;
         if let Some(Look { pose, times: (time, source) }) = self.view.newest(tick, &self.clock)? {
             let dt = self.since.replace(time).map_or(0.0, |since| time.saturating_sub(since) as f64 * 1e-9);
             self.sensor.read(&pose, &mut self.view.scene, dt, &mut self.values);
@@ -140,16 +155,22 @@ impl<S: RangeSensor> Component for AlongRays<S> {
     }
 
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError> {
-        let seed = S::common(&self.config).seed.unwrap_or(episode.seed);
-        self.sensor = S::new(&self.config, seed).map_err(|error| StepError::failed(error.to_string()))?;
+        let Common { timing, seed, .. } = S::common(&self.config);
+        let seed = seed.unwrap_or(episode.seed);
+        let draw = self.draws.reset(episode.index, seed);
+        let failed = |error: ConfigError| StepError::failed(error.to_string());
+        self.sensor = S::new(&self.config, seed, &draw).map_err(failed)?;
         self.view.looks().into_iter().for_each(|looks| self.sensor.dress(looks));
-        self.readings.reset(seed);
+        let timing = timing.late(draw.latency);
+        self.readings = Readings::new(&timing, self.values.len(), self.period, seed).map_err(failed)?;
         self.view.reset();
         self.since = None;
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        Some(self.readings.result())
+        let mut result = self.readings.result();
+        self.draws.report(&mut result);
+        Some(result)
     }
 }

@@ -10,6 +10,7 @@ use serde::Deserialize;
 use super::lidar::Fan;
 use super::{Common, Mount, RangeSensor, Timing};
 use crate::channel::ErrorModel;
+use crate::randomise::{SensorDraw, SensorRanges};
 use crate::ranging::RangeSettings;
 
 /// Configuration of `sensor.ray`. The default is an ideal sensor at the root link that looks along its x.
@@ -42,6 +43,8 @@ pub struct RayConfig {
     pub drop_out: f64,
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    pub randomise: SensorRanges,
 }
 
 impl Default for RayConfig {
@@ -57,6 +60,7 @@ impl Default for RayConfig {
             latency: TimeSpan { ns: 0 },
             drop_out: 0.0,
             seed: None,
+            randomise: SensorRanges::default(),
         }
     }
 }
@@ -77,12 +81,18 @@ impl RangeSensor for RaySensor {
             sees_robot: config.sees_robot,
             timing: Timing { latency: config.latency, drop_out: config.drop_out },
             seed: config.seed,
+            randomise: &config.randomise,
         }
     }
 
-    fn new(config: &RayConfig, seed: u64) -> Result<Self, ConfigError> {
+    fn new(config: &RayConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
         let RayConfig { distance, least, most, lost, .. } = *config;
-        Fan::new(std::iter::once((0.0, 0.0)), &RangeSettings { distance, least, most, lost }, seed).map(Self)
+        Fan::new(
+            std::iter::once((0.0, 0.0)),
+            &RangeSettings { distance: draw.errors(&distance), least, most, lost },
+            seed,
+        )
+        .map(Self)
     }
 
     fn width(&self) -> usize {

@@ -1,0 +1,88 @@
+//! `sensor.magnetometer`: the magnetic field at a point of a robot.
+
+use motorium::prelude::*;
+use motorium::state::MagneticField;
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::super::readings::refused;
+use super::{Common, Mount, PlaceMotion, PlaceSensor, Timing};
+use crate::channel::{Channel, ErrorModel};
+use crate::randomise::{SensorDraw, SensorRanges};
+
+/// Configuration of `sensor.magnetometer`. The default is an ideal sensor in a field as in central Europe.
+///
+/// ```toml
+/// field  = [0.0, 2.1e-5, -4.3e-5]
+/// errors = { noise = 2e-7, bias = 1e-6, scale_error = 0.01, range = 8e-4 }
+/// ```
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MagnetometerConfig {
+    /// Place of the sensor on the robot. Default: the root link.
+    pub mount: Mount,
+    /// Flux density in the axes of the world (T). Default: 21 uT to the north, which is y, and 43 uT down.
+    pub field: [f64; 3],
+    /// Errors of the reading, T. A bias is what the robot's own iron adds.
+    pub errors: ErrorModel,
+    /// Time from sampling until the reading is available. Default none.
+    pub latency: TimeSpan,
+    /// Share of the readings that are lost, 0 to 1. Default 0.
+    pub drop_out: f64,
+    /// Seed of the noise. Default: from the seed of the run and the name of the component.
+    pub seed: Option<u64>,
+    /// Ranges of noise, bias and latency, drawn anew for every episode. Default: nothing is drawn.
+    pub randomise: SensorRanges,
+}
+
+impl Default for MagnetometerConfig {
+    fn default() -> Self {
+        Self {
+            mount: Mount::default(),
+            field: [0.0, 2.1e-5, -4.3e-5],
+            errors: ErrorModel::default(),
+            latency: TimeSpan { ns: 0 },
+            drop_out: 0.0,
+            seed: None,
+            randomise: SensorRanges::default(),
+        }
+    }
+}
+
+/// `sensor.magnetometer`: the magnetic field at a point of a robot.
+pub struct Magnetometer {
+    field: Vector3<f64>,
+    channel: Channel,
+}
+
+impl PlaceSensor for Magnetometer {
+    const KIND: &'static str = "sensor.magnetometer";
+    const SUMMARY: &'static str = "magnetic field in the axes of the sensor: noise, bias, scale, latency";
+    const PORT: (&'static str, &'static str) = ("magnetic_field", "flux density in the axes of the sensor");
+    const WIDTH: usize = 3;
+    type Config = MagnetometerConfig;
+    type Message = MagneticField;
+
+    fn common(config: &MagnetometerConfig) -> Common<'_> {
+        let timing = Timing { latency: config.latency, drop_out: config.drop_out };
+        Common { mount: &config.mount, timing, seed: config.seed, randomise: &config.randomise }
+    }
+
+    fn new(config: &MagnetometerConfig, seed: u64, draw: &SensorDraw) -> Result<Self, ConfigError> {
+        if !config.field.iter().all(|number| number.is_finite()) {
+            return Err(ConfigError::key("field", "expected finite numbers"));
+        }
+        let channel = Channel::new("errors", &draw.errors(&config.errors), 3, seed, 0).map_err(refused)?;
+        Ok(Self { field: Vector3::from(config.field), channel })
+    }
+
+    fn read(&mut self, at: &PlaceMotion, dt: f64, values: &mut [f64]) {
+        values.copy_from_slice(at.0.pose.rotation.inverse_transform_vector(&self.field).as_slice());
+        self.channel.measure(dt, values);
+    }
+
+    fn write(&self, values: &[f64], message: &mut MagneticField) {
+        message.field.copy_from_slice(values);
+    }
+}
