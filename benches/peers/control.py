@@ -4,6 +4,7 @@
                                                         daqp, quadprog, piqp, proxqp, clarabel
     control.py pink-panda | placo-panda URDF            differential inverse kinematics; a turn is 100 cycles
     control.py placo-talos URDF                         the same on two feet
+    control.py tsid-talos URDF                          torques on two feet
 
 DAQP, PIQP and ProxQP time themselves; the others are timed around the call, which costs Python about half a microsecond.
 """
@@ -286,6 +287,78 @@ def placo_talos(path):
             hand.T_world_frame = goal
             tick += 1
             yield timed(cycle)[0]
+
+    return turn
+
+
+def tsid_talos(path):
+    # what TSID returns is of types that Pinocchio registers; its wheel has the module a folder too deep
+    import pinocchio as pin
+    import tsid
+
+    sys.path.extend(tsid.__path__)
+    import tsid_pywrap as tsid
+
+    robot = tsid.RobotWrapper(bare(path), [""], pin.JointModelFreeFlyer(), False)
+    model = robot.model()
+    q, v = pin.neutral(model), np.zeros(model.nv)
+    for name, joint in zip(model.names[2:], model.joints[2:]):
+        q[joint.idx_q] = talos_home(name)
+    stand = model.createData()
+    pin.framesForwardKinematics(model, stand, q)
+    q[2] -= stand.oMf[model.getFrameId("left_sole_link")].translation[2]
+    control = tsid.InverseDynamicsFormulationAccForce("tsid", robot, False)
+    control.computeProblemData(0.0, q, v)
+    sole = np.array([[-0.1, -0.1, 0.1, 0.1], [-0.06, 0.06, -0.06, 0.06], [0.0, 0.0, 0.0, 0.0]])
+    contacts = []
+    for foot in ["left_sole_link", "right_sole_link"]:
+        contact = tsid.Contact6d(foot, robot, foot, sole, np.array([0.0, 0.0, 1.0]), 0.6, 0.0, 1e4)
+        contact.setKp(np.zeros(6))
+        contact.setKd(20.0 * np.ones(6))
+        contact.setReference(robot.framePosition(control.data(), model.getFrameId(foot)))
+        # at level 0: the contact is a constraint
+        control.addRigidContact(contact, 1e-6)
+        contacts.append(contact)
+    centre = tsid.TaskComEquality("com", robot)
+    centre.setKp(16.0 * np.ones(3))
+    centre.setKd(8.0 * np.ones(3))
+    control.addMotionTask(centre, 100.0, 1, 0.0)
+    goal = robot.com(control.data()) + np.array([0.01, 0.04, -0.02])
+    centre.setReference(tsid.TrajectoryEuclidianConstant("com", goal).computeNext())
+    posture = tsid.TaskJointPosture("posture", robot)
+    posture.setKp(16.0 * np.ones(robot.na))
+    posture.setKd(8.0 * np.ones(robot.na))
+    control.addMotionTask(posture, 0.01, 1, 0.0)
+    posture.setReference(tsid.TrajectoryEuclidianConstant("posture", q[7:]).computeNext())
+    torques = tsid.TaskActuationBounds("torques", robot)
+    torques.setBounds(-model.effortLimit[-robot.na :], model.effortLimit[-robot.na :])
+    control.addActuationTask(torques, 1.0, 0, 0.0)
+    solver = tsid.SolverHQuadProgFast("solver")
+    solver.resize(control.nVar, control.nEq, control.nIn)
+    state = [q, v]
+    start = (q.copy(), v.copy())
+    tick = 0
+    # the formulation does not own what it was given
+    kept = [robot, contacts, centre, posture, torques]
+
+    def cycle():
+        problem = control.computeProblemData(0.0, state[0], state[1])
+        solution = solver.solve(problem)
+        return solution, control.getAccelerations(solution)
+
+    def turn():
+        nonlocal tick
+        assert kept
+        for _ in range(CYCLES):
+            time, (solution, a) = timed(cycle)
+            assert solution.status == 0, solution.status
+            a = np.array(a)
+            state[0] = pin.integrate(model, state[0], (state[1] + 0.5 * DT * a) * DT)
+            state[1] = state[1] + a * DT
+            tick += 1
+            if tick % 1000 == 0:
+                state[:] = [start[0].copy(), start[1].copy()]
+            yield time
 
     return turn
 

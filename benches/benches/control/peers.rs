@@ -26,11 +26,14 @@ struct Row<'a> {
     peers: Vec<(&'a str, PathBuf)>,
 }
 
-/// Prints the times of every stream and cycle on all sides. `MOTORIUM_PEER_PYTHON` and `MOTORIUM_PLACO_PYTHON` name the Pythons
-/// that have the packages, by default those that `benches/peers/fetch control` makes. A peer that does not start is said and left out.
+/// Prints the times of every stream and cycle on all sides. `MOTORIUM_PEER_PYTHON`, `MOTORIUM_PLACO_PYTHON` and
+/// `MOTORIUM_TSID_PYTHON` name the Pythons that have the packages, by default those that `benches/peers/fetch control` makes. A peer that does not start is said and left out.
 pub(crate) fn compare(streams: &[Stream]) {
-    let python = python("MOTORIUM_PEER_PYTHON", "control");
-    let placo = python_of_placo();
+    let pythons = Pythons {
+        placo: python("MOTORIUM_PLACO_PYTHON", "placo"),
+        tsid: python("MOTORIUM_TSID_PYTHON", "tsid"),
+        others: python("MOTORIUM_PEER_PYTHON", "control"),
+    };
     println!(
         "us per solve or cycle, {TURNS} turns, the sides in turn; ratio of the medians: ours to theirs. DAQP, PIQP and ProxQP\n\
          time themselves, the others are called from Python (about half a microsecond more)\n"
@@ -46,22 +49,21 @@ pub(crate) fn compare(streams: &[Stream]) {
             calls: stream.problems.len(),
             peers: file.flat_map(|file| peers.map(|peer| (peer, file.clone()))).collect(),
         };
-        row.measure(&python, &placo);
+        row.measure(&pythons);
     }
-    let files = Files::find(&python, Path::new(env!("CARGO_TARGET_TMPDIR")));
+    let files = Files::find(&pythons.others, Path::new(env!("CARGO_TARGET_TMPDIR")));
     let talos = files.as_ref().map_err(Clone::clone).and_then(|files| Biped::talos(&files.talos));
     let at = |file: fn(&Files) -> &PathBuf, peers: &[&'static str]| {
         let file = files.as_ref().ok().map(file);
         peers.iter().filter_map(|peer| Some((*peer, file?.clone()))).collect::<Vec<_>>()
     };
     let panda = at(|files| &files.panda, &["placo-panda", "pink-panda"]);
-    Row::cycle("Panda, hand and posture in a sum", velocity::panda(false), panda).measure(&python, &placo);
-    Row::cycle("Panda, hand above posture", velocity::panda(true), Vec::new()).measure(&python, &placo);
+    Row::cycle("Panda, hand and posture in a sum", velocity::panda(false), panda).measure(&pythons);
+    Row::cycle("Panda, hand above posture", velocity::panda(true), Vec::new()).measure(&pythons);
     let humanoid = Biped::catalogue();
-    Row::cycle("humanoid, four levels", velocity::in_four_levels(&humanoid), Vec::new())
-        .measure(&python, &placo);
+    Row::cycle("humanoid, four levels", velocity::in_four_levels(&humanoid), Vec::new()).measure(&pythons);
     let mut torque = TorqueCycle::new(&humanoid, Tasks::Four);
-    Row::cycle("humanoid, torques, four tasks", move || torque.run(), Vec::new()).measure(&python, &placo);
+    Row::cycle("humanoid, torques, four tasks", move || torque.run(), Vec::new()).measure(&pythons);
     match talos {
         Err(error) => eprintln!(
             "no Talos: {error}; run benches/peers/fetch control, or set MOTORIUM_EXAMPLE_ROBOT_DATA"
@@ -69,10 +71,10 @@ pub(crate) fn compare(streams: &[Stream]) {
         Ok(talos) => {
             let peers = at(|files| &files.talos, &["placo-talos"]);
             let cycle = velocity::on_held_feet(&talos);
-            Row::cycle("Talos, held feet, com and hand", cycle, peers).measure(&python, &placo);
+            Row::cycle("Talos, held feet, com and hand", cycle, peers).measure(&pythons);
             let mut torque = TorqueCycle::new(&talos, Tasks::Two);
-            Row::cycle("Talos, torques, com and posture", move || torque.run(), Vec::new())
-                .measure(&python, &placo);
+            let peers = at(|files| &files.talos, &["tsid-talos"]);
+            Row::cycle("Talos, torques, com and posture", move || torque.run(), peers).measure(&pythons);
         }
     }
 }
@@ -85,8 +87,22 @@ fn python(variable: &str, folder: &str) -> PathBuf {
     std::env::var_os(variable).map_or(fetched, PathBuf::from)
 }
 
-fn python_of_placo() -> PathBuf {
-    python("MOTORIUM_PLACO_PYTHON", "placo")
+/// The Pythons that have the packages of the peers.
+struct Pythons {
+    placo: PathBuf,
+    tsid: PathBuf,
+    others: PathBuf,
+}
+
+impl Pythons {
+    /// The Python of a peer.
+    fn of(&self, peer: &str) -> &Path {
+        match peer.split('-').next() {
+            Some("placo") => &self.placo,
+            Some("tsid") => &self.tsid,
+            _ => &self.others,
+        }
+    }
 }
 
 impl<'a> Row<'a> {
@@ -94,11 +110,10 @@ impl<'a> Row<'a> {
         Self { name: name.to_owned(), run: Box::new(run), calls: CYCLES, peers }
     }
 
-    fn measure(mut self, python: &Path, placo: &Path) {
+    fn measure(mut self, pythons: &Pythons) {
         let mut peers = Vec::new();
         for (name, file) in &self.peers {
-            let python = if name.starts_with("placo") { placo } else { python };
-            match Peer::start(python, name, file) {
+            match Peer::start(pythons.of(name), name, file) {
                 Ok(peer) => peers.push((name.split('-').next().unwrap_or(name), peer)),
                 Err(error) => eprintln!("no {name}: {error}"),
             }

@@ -1,7 +1,7 @@
 //! The `config` table of `control.qp`.
 
 use motorium::units::TimeSpan;
-use motorium_robots::PerJoint;
+use motorium_robots::{PerJoint, World};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -42,6 +42,8 @@ pub struct QpControllerConfig {
     pub inertia_compensation: bool,
     /// Gravity in the world frame, m/s^2. Default [0, 0, -9.81].
     pub gravity: [f64; 3],
+    /// Ground and objects that `limits.collision` is about, in a graph without a `[world]`.
+    pub world: World,
     /// Joint positions at which the tasks are evaluated. Default "measured".
     pub feedback: Feedback,
     /// Largest distance of the position setpoint from the measured position, rad or m. A blocked joint is pushed with
@@ -54,6 +56,8 @@ pub struct QpControllerConfig {
     pub state_timeout: TimeSpan,
     /// Age from which a target counts as standing still where it was. Default 50 ms.
     pub target_timeout: TimeSpan,
+    /// Time within which a change of a gain or a weight of a task takes effect, evenly. Default 200 ms; 0: at once.
+    pub task_ramp: TimeSpan,
 }
 
 impl Default for QpControllerConfig {
@@ -67,11 +71,13 @@ impl Default for QpControllerConfig {
             gravity_compensation: true,
             inertia_compensation: false,
             gravity: [0.0, 0.0, -9.81],
+            world: World::default(),
             feedback: Feedback::Measured,
             max_lead: 0.1,
             damping: 1e-7,
             state_timeout: TimeSpan { ns: 10_000_000 },
             target_timeout: TimeSpan { ns: 50_000_000 },
+            task_ramp: TimeSpan { ns: 200_000_000 },
         }
     }
 }
@@ -96,7 +102,7 @@ pub struct LimitsConfig {
     pub velocity: VelocityLimit,
     /// Boxes and speeds of frames.
     pub frames: Vec<FrameLimitConfig>,
-    /// Distances between links. Default: none are kept.
+    /// Distances between links, and from the ground and objects of the world. Default: none are kept.
     pub collision: Option<CollisionConfig>,
     /// A point that stays above the support. Default: none.
     pub support: Option<SupportConfig>,

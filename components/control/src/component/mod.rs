@@ -6,6 +6,7 @@ mod config;
 mod diagnostics_output;
 mod frame_limits;
 mod multirotor;
+mod objects;
 mod setup;
 mod support_limits;
 mod tasks;
@@ -13,7 +14,7 @@ mod torque;
 mod velocity;
 mod wheels;
 
-pub use collision_limits::CollisionConfig;
+pub use collision_limits::{AllObjects, CollisionConfig, LevelGround, OfWorld, WorldObjects};
 pub use config::{Feedback, LimitsConfig, QpControllerConfig};
 pub use frame_limits::FrameLimitConfig;
 pub use multirotor::{MultirotorConfig, MultirotorController};
@@ -27,6 +28,7 @@ use motorium::worker::Kind;
 
 use crate::GoalSummary;
 use diagnostics_output::DiagnosticsOutput;
+use objects::MovingObjects;
 use setup::ControllerSetup;
 use torque::TorqueController;
 use velocity::VelocityController;
@@ -51,6 +53,7 @@ impl Component for QpController {
     const KIND: &'static str = "control.qp";
     const SUMMARY: &'static str =
         "whole-body control: targets of tasks to joint commands, by inverse kinematics or inverse dynamics";
+    const READS_WORLD: bool = true;
     const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = QpControllerConfig;
@@ -71,9 +74,11 @@ impl Component for QpController {
         );
         DiagnosticsOutput::declare(declare);
         parts.row_limits(config)?;
+        MovingObjects::declare(config, &parts, declare);
         // no check and no default of a parameter depends on the period
         for (place, task) in parts.tasks(0.0) {
             task.declare(&place, declare)?;
+            task.parameters().into_iter().for_each(|parameter| parameter.declare(task.head().name, declare));
         }
         declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of kp of all joints");
         declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of kd of all joints");

@@ -1,13 +1,14 @@
 //! The checked parts of a controller that need no topic. Every mistake is named by its key.
 
 use motorium::prelude::*;
-use motorium_robots::{BasePose, Gains, Loaded, Model, PerJoint, Profile, RobotSource};
+use motorium_robots::{BasePose, Gains, Loaded, Model, PerJoint, Profile, RobotSource, World};
 use nalgebra::{DVector, Vector3};
 
 use super::checks::{in_range, is_name, per_joint};
 use super::config::QpControllerConfig;
+use super::objects;
 use super::support_limits::HeldSupport;
-use super::tasks::{CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskKind, TaskPlace};
+use super::tasks::{CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskHead, TaskKind, TaskPlace};
 use crate::{FeedForward, check_gains, inverse_dynamics::Contact, limits::RowLimit};
 
 /// Time constant of the acceleration that is fed forward, s.
@@ -22,6 +23,7 @@ pub(super) struct ControllerSetup {
     pub(super) profile: Option<Profile>,
     torque: bool,
     gravity: Vector3<f64>,
+    world: World,
     contacts: Vec<Contact>,
     tasks: Vec<TaskConfig>,
     pub(super) gains: Gains,
@@ -71,8 +73,8 @@ impl ControllerSetup {
             Some(dynamics) => dynamics.contacts(&model, profile.as_ref())?,
             None => Vec::new(),
         };
-        let gravity = config.gravity.into();
-        let setup = Self { model, profile, torque, gravity, contacts, tasks, gains, feed_forward };
+        let (gravity, world) = (config.gravity.into(), config.world.clone());
+        let setup = Self { model, profile, torque, gravity, world, contacts, tasks, gains, feed_forward };
         setup.check_tasks()?;
         Ok(setup)
     }
@@ -89,6 +91,7 @@ impl ControllerSetup {
                     period,
                     torque: self.torque,
                     gravity: self.gravity,
+                    world: &self.world,
                     contacts: &self.contacts,
                     path: format!("tasks[{index}].{key}"),
                 },
@@ -102,7 +105,7 @@ impl ControllerSetup {
         let of = |level: u32| {
             move |task: &TaskConfig| {
                 let kind = task.kind().1;
-                !kind.is_constraint() && kind.level() == level
+                !kind.is_constraint() && kind.head().level == level
             }
         };
         (1..=LEVELS).filter(move |level| self.tasks.iter().any(of(*level)))
@@ -115,45 +118,46 @@ impl ControllerSetup {
             frame.build(&format!("limits.frames[{index}]"), model, profile, &mut rows)?;
         }
         if let Some(collision) = &config.limits.collision {
-            rows.push(Box::new(collision.build("limits.collision", model, profile)?));
+            rows.push(Box::new(collision.build("limits.collision", model, profile, &self.world)?));
         }
         let points = self.contacts.iter().map(Contact::points).sum();
         let support = config.limits.support.as_ref();
         let support = support.map(|support| support.build(model, self.gravity, points)).transpose()?;
-        Ok(RowLimits { rows, support })
+        Ok(RowLimits { rows, support, smallest: f64::INFINITY })
     }
 
     fn check_tasks(&self) -> Result<(), ConfigError> {
-        let (mut names, mut targets) = (Vec::new(), vec!["joint_state", "base_state"]);
+        let own = ["joint_state", "base_state", objects::INPUT];
+        let (mut names, mut targets) = (Vec::new(), own.to_vec());
         for (place, kind) in self.tasks(0.0) {
-            let name = kind.name();
+            let TaskHead { name, level, target, wrench, formulations } = kind.head();
             if !is_name(name) || names.contains(&name) {
                 let message = format!("task name `{name}` is used twice or is no name");
                 return Err(ConfigError::key("tasks", message)
                     .advise("give each task its own `name`: lower-case letters, digits and underscores"));
             }
             names.push(name);
-            if !(1..=LEVELS).contains(&kind.level()) {
-                let message =
-                    format!("level {} of task `{name}`, where 1 to {LEVELS} are possible", kind.level());
+            if !(1..=LEVELS).contains(&level) {
+                let message = format!("level {level} of task `{name}`, where 1 to {LEVELS} are possible");
                 return Err(ConfigError::key(place.key("level"), message).advise("1 is the highest priority"));
             }
-            if kind.formulations() == Formulations::Torque && !self.torque {
+            if formulations == Formulations::Torque && !self.torque {
                 return Err(ConfigError::key(&place.path, format!("task `{name}` needs `inverse_dynamics`")));
             }
-            if kind.formulations() == Formulations::Velocity && self.torque {
+            if let Formulations::Velocity(instead) = formulations
+                && self.torque
+            {
                 let message = format!("task `{name}` has no form for torques");
-                return Err(ConfigError::key(&place.path, message)
-                    .advise("leave it out, or leave out `inverse_dynamics` on a robot with a fixed base"));
+                return Err(ConfigError::key(&place.path, message).advise(instead));
             }
-            for (key, input) in [("target", kind.target()), ("wrench", kind.wrench())] {
+            for (key, input) in [("target", target), ("wrench", wrench)] {
                 let Some(input) = input else { continue };
-                if targets[2..].contains(&input) {
+                if targets[own.len()..].contains(&input) {
                     let message = format!("two tasks take their {key} from `{input}`");
                     return Err(ConfigError::key(place.key(key), message)
                         .advise(format!("give each its own input, such as `{key} = \"left_{key}\"`")));
                 }
-                if targets[..2].contains(&input) || !is_name(input) {
+                if own.contains(&input) || !is_name(input) {
                     let message = format!("`{input}` cannot be the name of an input");
                     return Err(ConfigError::key(place.key(key), message)
                         .advise(format!("use lower-case letters, digits and underscores, such as `{key}`")));
@@ -169,6 +173,8 @@ impl ControllerSetup {
 pub(super) struct RowLimits {
     pub(super) rows: Vec<Box<dyn RowLimit>>,
     pub(super) support: Option<HeldSupport>,
+    /// Smallest distance of links from one another and from obstacles so far, m.
+    smallest: f64,
 }
 
 impl RowLimits {
@@ -176,6 +182,23 @@ impl RowLimits {
     pub(super) fn count(&self) -> usize {
         let support = self.support.as_ref().map_or(0, |support| support.limit.rows());
         self.rows.iter().map(|limit| limit.rows()).sum::<usize>() + support
+    }
+
+    /// Takes note of the distances at which the limits were written.
+    pub(super) fn observe(&mut self) {
+        let distances = self.rows.iter().filter_map(|limit| limit.smallest_distance());
+        self.smallest = distances.fold(self.smallest, f64::min);
+    }
+
+    /// Forgets the distances, for a new episode.
+    pub(super) fn reset(&mut self) {
+        self.smallest = f64::INFINITY;
+    }
+
+    /// Their entry in the result of a run.
+    pub(super) fn add_to(&self, result: &mut serde_json::Value) {
+        let smallest = Some(self.smallest).filter(|distance| distance.is_finite());
+        result["smallest_distance_m"] = serde_json::json!(smallest);
     }
 }
 

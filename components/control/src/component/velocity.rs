@@ -8,12 +8,13 @@ use nalgebra::DVector;
 
 use super::config::{Feedback, QpControllerConfig};
 use super::diagnostics_output::{DiagnosticsOutput, push_bounds};
+use super::objects::MovingObjects;
 use super::setup::{ControllerSetup, RowLimits};
 use super::tasks::{Held, TaskBounds};
 use super::{period_ns, results};
 use crate::{
     DifferentialIk, FeedForward, IkRows, IkSettings, JointSetpoint, RobotState,
-    limits::{PositionLimit, VelocityLimit},
+    limits::{PositionLimit, RowLimit, VelocityLimit},
 };
 
 /// A controller that turns targets into joint commands, once per step; see [`DifferentialIk`].
@@ -37,6 +38,7 @@ pub(super) struct VelocityController {
     position: PositionLimit,
     velocity: VelocityLimit,
     rows: RowLimits,
+    objects: MovingObjects,
     ik: DifferentialIk,
     setpoint: JointSetpoint,
     gains: Gains,
@@ -45,6 +47,7 @@ pub(super) struct VelocityController {
     max_lead: f64,
     state_timeout_ns: u64,
     target_timeout_ns: u64,
+    task_ramp: f64,
     kp_scale: Parameter<f64>,
     kd_scale: Parameter<f64>,
     velocity_fraction: Parameter<f64>,
@@ -67,8 +70,9 @@ impl VelocityController {
         let mut tasks = parts
             .tasks(setup.period().as_secs_f64())
             .map(|(place, task)| {
-                let level = parts.levels().filter(|level| *level < task.level()).count();
-                Ok(Held { name: task.name().to_owned(), level, task: task.configure(&place, setup)? })
+                let head = task.head();
+                let level = parts.levels().filter(|level| *level < head.level).count();
+                Ok(Held { name: head.name.to_owned(), level, task: task.configure(&place, setup)? })
             })
             .collect::<Result<Vec<_>, ConfigureError>>()?;
         let mut rows = vec![0; parts.levels().count()];
@@ -83,6 +87,7 @@ impl VelocityController {
             room.soft += soft;
             rows[*level] += task.rows() + soft;
         }
+        let objects = MovingObjects::configure(&config, &parts, setup)?;
         let ControllerSetup { model, gains, feed_forward, .. } = parts;
         let mut checkpoint = setup.checkpoint(model.nv())?;
         Ok(Self {
@@ -96,6 +101,7 @@ impl VelocityController {
             position: config.limits.position,
             velocity: config.limits.velocity,
             rows: limits,
+            objects,
             ik: DifferentialIk::with_room(&model, room, IkSettings { damping: config.damping }).levels(&rows),
             setpoint: JointSetpoint::new(&model, &vec![0.0; model.nv()]),
             gains,
@@ -104,6 +110,7 @@ impl VelocityController {
             max_lead: config.max_lead,
             state_timeout_ns: config.state_timeout.ns,
             target_timeout_ns: config.target_timeout.ns,
+            task_ramp: config.task_ramp.as_secs_f64(),
             kp_scale: setup.parameter("kp_scale")?,
             kd_scale: setup.parameter("kd_scale")?,
             velocity_fraction: setup.parameter("velocity_fraction")?,
@@ -131,7 +138,7 @@ impl VelocityController {
         }
         // where steps were missed, the setpoints go on as the time does: else they would fall back behind the robot
         let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
-        self.prepare(dt);
+        self.prepare(dt, unbroken.is_none())?;
         let solved = self.solve(dt);
         let measured = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };
         for held in &mut self.tasks {
@@ -144,12 +151,16 @@ impl VelocityController {
 
     pub(super) fn reset(&mut self) {
         self.tasks.iter_mut().for_each(|held| held.task.reset());
+        let Self { objects, rows, tasks, .. } = self;
+        rows.reset();
+        objects.reset(|visit| visit_limits(rows, tasks, visit));
         self.ik.reset();
         (self.last_ns, self.remembered, self.unsolved, self.stale) = (None, None, 0, 0);
     }
 
     pub(super) fn result(&self) -> serde_json::Value {
         let mut result = results(&self.tasks);
+        self.rows.add_to(&mut result);
         result["steps_without_solution"] = self.unsolved.into();
         result["steps_without_fresh_state"] = self.stale.into();
         result
@@ -192,13 +203,16 @@ impl VelocityController {
         }
     }
 
-    /// Applies the current parameters and targets.
-    fn prepare(&mut self, dt: f64) {
-        let bounds = TaskBounds { dt, max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
+    /// Applies the current parameters, targets and obstacles.
+    fn prepare(&mut self, dt: f64, begins: bool) -> Result<(), StepError> {
+        let (ramp, target_timeout_ns) = (self.task_ramp, self.target_timeout_ns);
+        let bounds = TaskBounds { begins, ramp, dt, max_gain: 0.5 / dt, target_timeout_ns };
         for held in &mut self.tasks {
             held.task.prepare(&bounds);
         }
         self.velocity.fraction = self.velocity_fraction.get();
+        let Self { objects, rows, tasks, .. } = self;
+        objects.update(|visit| visit_limits(rows, tasks, visit))
     }
 
     /// Moves the setpoint by one tick. False without a solution.
@@ -233,6 +247,7 @@ impl VelocityController {
         if let Some(support) = &mut self.rows.support {
             self.ik.add_row_limit(&state, &mut support.limit, dt);
         }
+        self.rows.observe();
         self.diagnostics.begin_solve();
         let velocity = self.ik.solve();
         self.diagnostics.end_solve();
@@ -285,5 +300,13 @@ impl VelocityController {
         scale(&self.gains.kp, self.kp_scale.get(), command.kp_mut());
         scale(&self.gains.kd, self.kd_scale.get(), command.kd_mut());
         command.publish()
+    }
+}
+
+/// Visits the limits of combinations of velocities, also those that give way.
+fn visit_limits(rows: &mut RowLimits, tasks: &mut [Held], visit: &mut dyn FnMut(&mut dyn RowLimit)) {
+    rows.rows.iter_mut().for_each(|limit| visit(limit.as_mut()));
+    for (limits, _) in tasks.iter_mut().filter_map(|held| held.task.limits()) {
+        limits.iter_mut().for_each(|limit| visit(limit.as_mut()));
     }
 }

@@ -1,6 +1,7 @@
 //! Links keep their distance from one another, and from obstacles.
 
 use motorium_robots::{CollisionModel, Collisions, Model, Proximity};
+use nalgebra::Isometry3;
 
 use super::{LimitRows, RowLimit};
 use crate::RobotState;
@@ -31,13 +32,31 @@ impl Default for CollisionSettings {
 /// ```
 ///
 /// with the distance `d` of a pair and its slope (Faverjon and Tournassoud, *A local based approach for path planning of
-/// manipulators with a high number of degrees of freedom*, 1987). Pairs that are too near may stay or part, not approach.
+/// manipulators with a high number of degrees of freedom*, 1987). Pairs that are too near may stay or part, not approach. The motion of
+/// an obstacle itself does not count in `dd/dq v`: the robot does not approach it, and does not flee from it.
+///
+/// ```
+/// use motorium_control::limits::{CollisionLimit, CollisionSettings, RowLimit};
+/// use motorium_robots::{CollisionModel, CollisionOptions, Geometry, MeshMode, load};
+/// use nalgebra::Isometry3;
+///
+/// let panda = load("panda", std::path::Path::new("."))?.model;
+/// let mut solids = CollisionModel::new(&panda, &CollisionOptions::default())?;
+/// let at = Isometry3::translation(0.6, 0.0, 0.3);
+/// let ball = solids.add_obstacle("ball", at, Geometry::Sphere { radius: 0.1 }, MeshMode::default())?;
+/// // the ball is the first object of the world, and moves
+/// let mut limit = CollisionLimit::new(&panda, solids, CollisionSettings::default()).objects([(0, ball)]);
+/// limit.move_object(0, &Isometry3::translation(0.6, 0.2, 0.3));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct CollisionLimit {
     settings: CollisionSettings,
     collisions: CollisionModel,
     workspace: Collisions,
     nearest: Vec<Proximity>,
     row: Vec<f64>,
+    /// Objects of the world that move, each with its solid.
+    objects: Vec<(usize, usize)>,
 }
 
 impl CollisionLimit {
@@ -48,13 +67,17 @@ impl CollisionLimit {
             workspace: Collisions::new(&collisions),
             nearest: Vec::with_capacity(collisions.pairs().len()),
             row: vec![0.0; model.nv()],
+            objects: Vec::new(),
             collisions,
         }
     }
 
-    /// The smallest distance of the pairs at the last tick \[m\]; `None` if all were beyond the range.
-    pub fn smallest(&self) -> Option<f64> {
-        self.nearest.first().map(|pair| pair.distance)
+    /// The same limit with obstacles that [`move_object`](RowLimit::move_object) moves: index of the object in the world, and of its
+    /// solid in the collision model.
+    #[must_use]
+    pub fn objects(mut self, objects: impl IntoIterator<Item = (usize, usize)>) -> Self {
+        self.objects = objects.into_iter().collect();
+        self
     }
 }
 
@@ -64,7 +87,7 @@ impl RowLimit for CollisionLimit {
     }
 
     fn write(&mut self, state: &RobotState<'_>, dt: f64, rows: &mut LimitRows<'_>) {
-        let Self { settings, collisions, workspace, nearest, row } = self;
+        let Self { settings, collisions, workspace, nearest, row, .. } = self;
         workspace.update(collisions, state.kinematics);
         nearest.clear();
         nearest.extend_from_slice(workspace.within(collisions, settings.range));
@@ -74,6 +97,15 @@ impl RowLimit for CollisionLimit {
             collisions.distance_jacobian(state.model, state.kinematics, pair, row);
             let left = (pair.distance - settings.distance).max(0.0);
             rows.push(row.iter().copied(), -rate * left, f64::INFINITY);
+        }
+    }
+    fn smallest_distance(&self) -> Option<f64> {
+        self.nearest.first().map(|pair| pair.distance)
+    }
+
+    fn move_object(&mut self, object: usize, pose: &Isometry3<f64>) {
+        for (_, solid) in self.objects.iter().filter(|(moved, _)| *moved == object) {
+            self.workspace.move_obstacle(&self.collisions, *solid, pose);
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Limits of combinations of velocities.
 
+use nalgebra::Isometry3;
+
 use crate::{RobotState, solver::Problem};
 
 /// Bounds on combinations of the velocities, `lower <= G v <= upper`, that always admit `v = 0`.
@@ -9,6 +11,15 @@ pub trait RowLimit {
 
     /// Writes its rows for a tick of `dt` seconds; rows that are not written do not bound.
     fn write(&mut self, state: &RobotState<'_>, dt: f64, rows: &mut LimitRows<'_>);
+
+    /// Takes the pose of an object of the world that moves, given by its index among the objects. A limit that has nothing to do with
+    /// it ignores it.
+    fn move_object(&mut self, _object: usize, _pose: &Isometry3<f64>) {}
+
+    /// The smallest distance at the last tick \[m\], of a limit of distances that had one in its range.
+    fn smallest_distance(&self) -> Option<f64> {
+        None
+    }
 }
 
 /// Rows of a problem that a [`RowLimit`] may write.

@@ -1,7 +1,7 @@
 //! A steered wheel points along the way of its base.
 
 use motorium_robots::{FrameId, Model, Reference};
-use nalgebra::{Matrix6xX, Unit, Vector3};
+use nalgebra::{Isometry3, Matrix6xX, Unit, Vector3};
 
 use super::{Cost, Rows, Task};
 use crate::{RobotState, solver::Problem};
@@ -93,6 +93,26 @@ impl RigidRotationTask {
     }
 }
 
+/// The angle about the normal from the direction in which a steered wheel rolls to the velocity of its centre, or to its opposite where
+/// that is nearer \[rad\]; `None` for a wheel that is to stand, or that lies flat. `twist` is that of the base, in its own axes.
+pub(crate) fn steering_error(
+    wheel: &Isometry3<f64>,
+    base: &Isometry3<f64>,
+    axis: &Unit<Vector3<f64>>,
+    normal: &Unit<Vector3<f64>>,
+    [x, y, yaw]: [f64; 3],
+) -> Option<f64> {
+    let flat = |vector: Vector3<f64>| vector - normal.into_inner() * normal.dot(&vector);
+    let arm = flat(wheel.translation.vector - base.translation.vector);
+    let carried = flat(base.rotation * Vector3::new(x, y, 0.0)) + normal.cross(&arm) * yaw;
+    let forward = (wheel.rotation * axis.into_inner()).cross(normal);
+    if carried.norm() <= STANDING || forward.norm() <= STANDING {
+        return None;
+    }
+    let carried = if forward.dot(&carried) < 0.0 { -carried } else { carried };
+    Some(normal.dot(&forward.cross(&carried)).atan2(forward.dot(&carried)))
+}
+
 impl Task for RigidRotationTask {
     fn rows(&self) -> usize {
         1
@@ -101,24 +121,15 @@ impl Task for RigidRotationTask {
     fn update(&mut self, state: &RobotState<'_>) {
         let RobotState { model, kinematics, .. } = *state;
         let (wheel, base) = (kinematics.pose(model, self.wheel), kinematics.pose(model, self.base));
-        let (normal, [x, y, yaw]) = (self.normal.into_inner(), self.twist);
-        let flat = |vector: Vector3<f64>| vector - normal * normal.dot(&vector);
-        let arm = flat(wheel.translation.vector - base.translation.vector);
-        let carried = flat(base.rotation * Vector3::new(x, y, 0.0)) + normal.cross(&arm) * yaw;
-        let forward = (wheel.rotation * self.axis.into_inner()).cross(&normal);
-        let upright = carried.norm() > STANDING && forward.norm() > STANDING;
-        self.error = 0.0;
-        if upright {
-            let backwards = if forward.dot(&carried) < 0.0 { -1.0 } else { 1.0 };
-            let carried = carried * backwards;
-            self.error = normal.dot(&forward.cross(&carried)).atan2(forward.dot(&carried));
-        }
+        let error = steering_error(&wheel, &base, &self.axis, &self.normal, self.twist);
+        self.error = error.unwrap_or(0.0);
+        let normal = self.normal.into_inner();
         kinematics.jacobian(model, self.wheel, Reference::LocalWorldAligned, &mut self.jacobian);
         for (mut row, frame) in self.cost.matrix_mut().column_iter_mut().zip(self.jacobian.column_iter()) {
             row[0] = normal.dot(&frame.fixed_rows::<3>(3));
         }
-        self.cost.desired_mut()[0] = self.gain * self.error + yaw;
-        self.cost.weights_mut()[0] = if upright { self.weight } else { 0.0 };
+        self.cost.desired_mut()[0] = self.gain * self.error + self.twist[2];
+        self.cost.weights_mut()[0] = if error.is_some() { self.weight } else { 0.0 };
     }
 
     fn residual(&self, velocity: &[f64]) -> f64 {

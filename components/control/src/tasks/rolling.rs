@@ -6,6 +6,9 @@ use nalgebra::{Matrix6xX, Unit, Vector3};
 use super::{Cost, Rows, Task};
 use crate::{RobotState, solver::Problem};
 
+/// Sine of the angle from the normal of the ground up to which the axis of a wheel counts as upright: the wheel lies flat.
+const FLAT: f64 = 1e-6;
+
 /// The point of a wheel that touches the ground rests: the wheel rolls along, and does not slip or slide.
 ///
 /// In the axes of the world, with the axis `d` of the wheel, the normal `n` of the ground, and the way `c` from its centre to
@@ -78,6 +81,13 @@ impl RollingTask {
     }
 }
 
+/// The direction from the ground to the centre of a wheel with this axis (world axes), and the length of what the normal has across the
+/// axis; `None` for a wheel that lies flat.
+pub(crate) fn way_to_ground(axis: &Vector3<f64>, normal: &Unit<Vector3<f64>>) -> Option<(Vector3<f64>, f64)> {
+    let across = normal.into_inner() - axis * axis.dot(normal);
+    Unit::try_new_and_get(across, FLAT).map(|(up, length)| (up.into_inner(), length))
+}
+
 impl Task for RollingTask {
     fn rows(&self) -> usize {
         3
@@ -85,9 +95,8 @@ impl Task for RollingTask {
 
     fn update(&mut self, state: &RobotState<'_>) {
         let axis = state.kinematics.pose(state.model, self.frame).rotation * self.axis;
-        let across = self.normal.into_inner() - axis.into_inner() * axis.dot(&self.normal);
-        let upright = Unit::try_new(across, 1e-6);
-        self.contact = upright.map_or(Vector3::zeros(), |up| -up.into_inner() * self.radius);
+        let upright = way_to_ground(&axis, &self.normal);
+        self.contact = upright.map_or(Vector3::zeros(), |(up, _)| -up * self.radius);
         let weight = if upright.is_some() { self.weight } else { 0.0 };
         self.cost.weights_mut().fill(weight);
         let reference = Reference::LocalWorldAligned;

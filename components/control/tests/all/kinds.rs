@@ -74,8 +74,8 @@ fn manipulability_of_velocities_and_of_forces_lead_the_arm_opposite_ways() {
     refused("{ tasks = [{ manipulability = { of = \"speed\" } }] }", &["speed", "velocity"]);
     refused("{ tasks = [{ manipulability = { max_speed = 0.0 } }] }", &["manipulability.max_speed"]);
     refused(
-        "{ inverse_dynamics = {}, tasks = [{ manipulability = {} }] }",
-        &["tasks[0].manipulability", "no form for torques"],
+        "{ tasks = [{ manipulability = { rate = 10.0 } }] }",
+        &["manipulability.rate", "inverse_dynamics"],
     );
 }
 
@@ -104,9 +104,14 @@ fn what_is_to_be_least_grows_less() {
         "{ tasks = [{ minimum = { of = \"torque\" } }] }",
         &["tasks[0].minimum", "needs `inverse_dynamics`"],
     );
+    refused("{ tasks = [{ minimum = { of = \"velocity\", rate = 1.0 } }] }", &["minimum.rate"]);
     refused(
-        "{ inverse_dynamics = {}, tasks = [{ minimum = { of = \"effort\" } }] }",
-        &["no form for torques"],
+        "{ inverse_dynamics = {}, tasks = [{ minimum = { of = \"force\", rate = 1.0 } }] }",
+        &["minimum.rate", "of a quantity other than"],
+    );
+    refused(
+        "{ inverse_dynamics = {}, tasks = [{ limit = { frames = [{ max_linear = 1.0 }] } }] }",
+        &["tasks[0].limit", "no form for torques", "limits stand under `limits`"],
     );
 }
 

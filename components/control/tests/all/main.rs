@@ -18,6 +18,8 @@ mod robot;
 mod setpoint;
 mod tasks;
 mod torque;
+mod torque_kinds;
 mod wheels;
+mod world;
 
 motorium::count_allocations!();

@@ -7,8 +7,13 @@ use motorium_control::solver::{
 };
 use nalgebra::{DMatrix, DVector};
 
-/// Problems that are tried; more with `MOTORIUM_QP_PROBLEMS`.
+/// Problems that are tried; more with `MOTORIUM_QP_PROBLEMS`, from another one on with `MOTORIUM_QP_FIRST`.
 const PROBLEMS: u64 = 5_000;
+
+/// The number that a variable of the environment holds.
+fn number(variable: &str) -> Option<u64> {
+    std::env::var(variable).ok().map(|number| number.parse().unwrap())
+}
 
 /// A generator of small random numbers (splitmix64).
 struct Random(u64);
@@ -132,7 +137,11 @@ fn wrong(trial: &Trial, answer: Result<&Solution, SolveError>) -> Option<String>
             let residual = residual(&trial.problem, solution);
             // NaN is wrong too
             let right = residual < 1e-8;
-            (!right).then(|| format!("residual {residual:e}"))
+            (!right).then(|| {
+                let of = KktResidual::of(&trial.problem, solution);
+                let (accuracy, iterations) = (solution.accuracy, solution.iterations);
+                format!("residual {residual:e}, {of:?}, accuracy {accuracy:?}, {iterations} iterations")
+            })
         }
         Err(SolveError::Infeasible { .. }) => {
             let possible = trial.feasible || reference(trial, true).is_ok();
@@ -149,9 +158,10 @@ fn wrong(trial: &Trial, answer: Result<&Solution, SolveError>) -> Option<String>
 
 #[test]
 fn random_problems_are_solved_or_refused_rightly_cold_and_warm() {
-    let count = std::env::var("MOTORIUM_QP_PROBLEMS").map_or(PROBLEMS, |count| count.parse().unwrap());
+    let count = number("MOTORIUM_QP_PROBLEMS").unwrap_or(PROBLEMS);
+    let first = number("MOTORIUM_QP_FIRST").unwrap_or(0);
     let (mut solved, mut refused, mut given_up) = (0, 0, Vec::new());
-    for seed in 0..count {
+    for seed in first..first + count {
         let trial = trial(seed);
         let mut solver = ActiveSetSolver::new(trial.structure.clone(), ActiveSetSettings::default());
         solver.update(&trial.problem).unwrap();

@@ -185,7 +185,7 @@ fn torques_keep_links_apart() {
         control.add_row_limit(&robot.state(), &mut limit, DT);
         let acceleration = control.solve().unwrap().acceleration.clone();
         robot = robot.after(&acceleration, DT);
-        smallest = smallest.min(limit.smallest().unwrap_or(f64::INFINITY));
+        smallest = smallest.min(limit.smallest_distance().unwrap_or(f64::INFINITY));
     }
     assert!(smallest > 0.0199, "{smallest} m");
     assert!(smallest < 0.025, "it comes as near as it may: {smallest} m");

@@ -8,6 +8,7 @@ mod friction;
 mod limits;
 mod points;
 mod robots;
+mod second_order;
 mod tasks;
 mod velocity;
 mod wrench_cones;

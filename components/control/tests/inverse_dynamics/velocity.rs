@@ -223,7 +223,7 @@ fn links_stop_before_they_touch_each_other() {
         ik.add_limit(&now, &VelocityLimit::default(), dt);
         ik.add_row_limit(&now, &mut limit, dt);
         let step: Vec<f64> = ik.solve().unwrap().iter().map(|v| v * dt).collect();
-        smallest = smallest.min(limit.smallest().unwrap_or(f64::INFINITY));
+        smallest = smallest.min(limit.smallest_distance().unwrap_or(f64::INFINITY));
         let from = robot.q.clone();
         model.integrate(&from, &step, &mut robot.q);
         robot.update();

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
 use crate::inverse_dynamics::tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights};
 use crate::tasks::{CartesianSettings, CartesianTask, Task};
 use crate::{Admittance, AdmittanceSettings, RobotState};
@@ -119,20 +119,18 @@ impl AdmittanceConfig {
 }
 
 impl TaskKind for AdmittanceConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).target(&self.target).wrench(&self.wrench)
     }
 
-    fn level(&self) -> u32 {
-        self.level
-    }
-
-    fn target(&self) -> Option<&str> {
-        Some(&self.target)
-    }
-
-    fn wrench(&self) -> Option<&str> {
-        Some(&self.wrench)
+    fn parameters(&self) -> Vec<TaskParameter> {
+        let heavy = LIGHTEST..=*FIGURES.end();
+        vec![
+            TaskParameter::new("gain", self.gain, GAINS, "1/s", "rate at which the frame follows"),
+            TaskParameter::new("mass", self.mass, heavy, "kg", "mass that the frame seems to have"),
+            TaskParameter::new("damping", self.damping, FIGURES, "N s/m", "damping of its motion"),
+            TaskParameter::new("stiffness", self.stiffness, FIGURES, "N/m", "stiffness towards the target"),
+        ]
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
@@ -142,12 +140,6 @@ impl TaskKind for AdmittanceConfig {
         let doc =
             "wrench that the world exerts on the robot, at the origin and in the axes of the sensor's frame";
         declare.input::<Wrench>(&self.wrench, doc);
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the frame follows");
-        let heavy = LIGHTEST..=*FIGURES.end();
-        declare.float(&name("mass"), self.mass, heavy, "kg", "mass that the frame seems to have");
-        declare.float(&name("damping"), self.damping, FIGURES, "N s/m", "damping of its motion");
-        declare.float(&name("stiffness"), self.stiffness, FIGURES, "N/m", "stiffness towards the target");
         Ok(())
     }
 
@@ -158,7 +150,7 @@ impl TaskKind for AdmittanceConfig {
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let (task, sensor, law) = self.build(place)?;
         let (target, wrench) = (setup.input(&self.target)?, setup.input(&self.wrench)?);
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        let [gain, mass, damping, stiffness] = self.open(setup)?;
         let twin = CartesianAcceleration::new(place.model, task.frame(), feedback(self.gain));
         Ok(Box::new(HeldAdmittance {
             acceleration: place.torque.then_some(twin),
@@ -167,10 +159,10 @@ impl TaskKind for AdmittanceConfig {
             sensor,
             target,
             wrench,
-            gain: parameter("gain")?,
-            mass: parameter("mass")?,
-            damping: parameter("damping")?,
-            stiffness: parameter("stiffness")?,
+            gain,
+            mass,
+            damping,
+            stiffness,
             goal: Isometry3::identity(),
             goal_velocity: Twist::zero(),
             targeted: false,
@@ -190,10 +182,10 @@ struct HeldAdmittance {
     sensor: FrameId,
     target: Input<PoseTarget>,
     wrench: Input<Wrench>,
-    gain: Parameter<f64>,
-    mass: Parameter<f64>,
-    damping: Parameter<f64>,
-    stiffness: Parameter<f64>,
+    gain: Ramped,
+    mass: Ramped,
+    damping: Ramped,
+    stiffness: Ramped,
     /// The target without a wrench, and its velocity.
     goal: Isometry3<f64>,
     goal_velocity: Twist,
@@ -242,12 +234,12 @@ impl HeldTask for HeldAdmittance {
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
-        let gain = self.gain.get().min(bounds.max_gain);
+        let gain = self.gain.follow(bounds).min(bounds.max_gain);
         self.task.set_settings(CartesianSettings { gain, ..*self.task.settings() });
         self.law.set_settings(AdmittanceSettings {
-            mass: self.mass.get(),
-            damping: self.damping.get(),
-            stiffness: self.stiffness.get(),
+            mass: self.mass.follow(bounds),
+            damping: self.damping.follow(bounds),
+            stiffness: self.stiffness.follow(bounds),
             ..*self.law.settings()
         });
         if let Some(reading) = self.target.latest() {

@@ -5,10 +5,11 @@ use nalgebra::{Vector2, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Formulations, GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::{
+    Formulations, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+};
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationTask, CapturePoint};
-use crate::tasks::Task;
 
 /// A capture-point task: the point at which the robot would have to step to come to rest follows a point on the ground.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -48,30 +49,27 @@ impl CapturePointConfig {
 }
 
 impl TaskKind for CapturePointConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).target(&self.target).only(Formulations::Torque)
     }
 
-    fn level(&self) -> u32 {
-        self.level
-    }
-
-    fn formulations(&self) -> Formulations {
-        Formulations::Torque
-    }
-
-    fn target(&self) -> Option<&str> {
-        Some(&self.target)
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::gain(self.gain),
+            TaskParameter::new(
+                "weight",
+                self.weight,
+                WEIGHTS,
+                "1/(m/s2)",
+                "cost of an acceleration error of the centre of mass",
+            ),
+        ]
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         let doc = "position and linear velocity of the capture point on the ground, in the world frame";
         declare.optional_input::<PoseTarget>(&self.target, doc);
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
-        let doc = "cost of an acceleration error of the centre of mass";
-        declare.float(&name("weight"), self.weight, WEIGHTS, "1/(m/s2)", doc);
         Ok(())
     }
 
@@ -81,8 +79,7 @@ impl TaskKind for CapturePointConfig {
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let task = self.build(place)?;
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
-        let (gain, weight) = (parameter("gain")?, parameter("weight")?);
+        let [gain, weight] = self.open(setup)?;
         Ok(Box::new(HeldCapturePoint {
             task,
             input: setup.input(&self.target)?,
@@ -98,8 +95,8 @@ impl TaskKind for CapturePointConfig {
 struct HeldCapturePoint {
     task: CapturePoint,
     input: Input<PoseTarget>,
-    gain: Parameter<f64>,
-    weight: Parameter<f64>,
+    gain: Ramped,
+    weight: Ramped,
     /// True since the first target.
     targeted: bool,
     /// Largest distance from the target so far, m.
@@ -118,16 +115,12 @@ impl HeldTask for HeldCapturePoint {
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
-        self.task.set(self.gain.get().min(bounds.max_gain), self.weight.get());
+        self.task.set(self.gain.follow(bounds).min(bounds.max_gain), self.weight.follow(bounds));
         let Some(reading) = self.input.latest() else { return };
         let fresh = reading.age_ns() <= bounds.target_timeout_ns;
         let velocity = if fresh { Vector3::from(reading.linear_velocity).xy() } else { Vector2::zeros() };
         self.task.set_moving_target(Vector3::from(reading.position).xy(), velocity);
         self.targeted = true;
-    }
-
-    fn task(&mut self) -> Option<&mut dyn Task> {
-        None
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
 use crate::inverse_dynamics::tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights};
 use crate::tasks::{CartesianSettings, CartesianTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
@@ -94,28 +94,34 @@ impl CartesianConfig {
 }
 
 impl TaskKind for CartesianConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).target(&self.target)
     }
 
-    fn level(&self) -> u32 {
-        self.level
-    }
-
-    fn target(&self) -> Option<&str> {
-        Some(&self.target)
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::gain(self.gain),
+            TaskParameter::new(
+                "position_weight",
+                self.position_weight,
+                WEIGHTS,
+                "1/(m/s)",
+                "cost of a velocity error",
+            ),
+            TaskParameter::new(
+                "orientation_weight",
+                self.orientation_weight,
+                WEIGHTS,
+                "1/(rad/s)",
+                "cost of an angular velocity error",
+            ),
+        ]
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         self.tolerance(place)?;
         declare.input::<PoseTarget>(&self.target, "pose and velocity of the frame, in the world frame");
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
-        let (weight, doc) = (self.position_weight, "cost of a velocity error");
-        declare.float(&name("position_weight"), weight, WEIGHTS, "1/(m/s)", doc);
-        let (weight, doc) = (self.orientation_weight, "cost of an angular velocity error");
-        declare.float(&name("orientation_weight"), weight, WEIGHTS, "1/(rad/s)", doc);
         Ok(())
     }
 
@@ -126,15 +132,15 @@ impl TaskKind for CartesianConfig {
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        let [gain, position_weight, orientation_weight] = self.open(setup)?;
         let twin = CartesianAcceleration::new(place.model, task.frame(), feedback(self.gain));
         Ok(Box::new(Cartesian {
             acceleration: place.torque.then_some(twin),
             task,
             input,
-            gain: parameter("gain")?,
-            position_weight: parameter("position_weight")?,
-            orientation_weight: parameter("orientation_weight")?,
+            gain,
+            position_weight,
+            orientation_weight,
             goals: GoalRecord::new(self.tolerance(place)?),
             current: None,
             refused: 0,
@@ -147,9 +153,9 @@ struct Cartesian {
     task: CartesianTask,
     acceleration: Option<CartesianAcceleration>,
     input: Input<PoseTarget>,
-    gain: Parameter<f64>,
-    position_weight: Parameter<f64>,
-    orientation_weight: Parameter<f64>,
+    gain: Ramped,
+    position_weight: Ramped,
+    orientation_weight: Ramped,
     goals: GoalRecord,
     /// The newest target with a usable orientation.
     current: Option<PoseTarget>,
@@ -175,9 +181,9 @@ impl HeldTask for Cartesian {
 
     fn prepare(&mut self, bounds: &TaskBounds) {
         self.task.set_settings(CartesianSettings {
-            gain: self.gain.get().min(bounds.max_gain),
-            position_weight: self.position_weight.get(),
-            orientation_weight: self.orientation_weight.get(),
+            gain: self.gain.follow(bounds).min(bounds.max_gain),
+            position_weight: self.position_weight.follow(bounds),
+            orientation_weight: self.orientation_weight.follow(bounds),
             ..*self.task.settings()
         });
         if let Some(twin) = &mut self.acceleration {

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
 use crate::inverse_dynamics::tasks::{AccelerationTask, CentreOfMassAcceleration};
 use crate::tasks::{CentreOfMassSettings, CentreOfMassTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
@@ -75,25 +75,21 @@ impl CentreOfMassConfig {
 }
 
 impl TaskKind for CentreOfMassConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).target(&self.target)
     }
 
-    fn level(&self) -> u32 {
-        self.level
-    }
-
-    fn target(&self) -> Option<&str> {
-        Some(&self.target)
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::gain(self.gain),
+            TaskParameter::new("weight", self.weight, WEIGHTS, "1/(m/s)", "cost of a velocity error"),
+        ]
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         let doc = "position and linear velocity of the centre of mass, in the world frame";
         declare.optional_input::<PoseTarget>(&self.target, doc);
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
-        declare.float(&name("weight"), self.weight, WEIGHTS, "1/(m/s)", "cost of a velocity error");
         Ok(())
     }
 
@@ -104,7 +100,7 @@ impl TaskKind for CentreOfMassConfig {
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        let [gain, weight] = self.open(setup)?;
         let twin = CentreOfMassAcceleration::new(place.model, feedback(self.gain))
             .shares(self.shares)
             .max_speed(task.settings().max_speed);
@@ -112,8 +108,8 @@ impl TaskKind for CentreOfMassConfig {
             acceleration: place.torque.then_some(twin),
             task,
             input,
-            gain: parameter("gain")?,
-            weight: parameter("weight")?,
+            gain,
+            weight,
             goals: GoalRecord::new(GoalTolerance {
                 position: place.tolerance("tolerance", self.tolerance)?,
                 ..GoalTolerance::default()
@@ -129,8 +125,8 @@ struct CentreOfMass {
     task: CentreOfMassTask,
     acceleration: Option<CentreOfMassAcceleration>,
     input: Input<PoseTarget>,
-    gain: Parameter<f64>,
-    weight: Parameter<f64>,
+    gain: Ramped,
+    weight: Ramped,
     goals: GoalRecord,
     /// 1 along each axis that is not free, else 0.
     held: Vector3<f64>,
@@ -155,8 +151,8 @@ impl HeldTask for CentreOfMass {
 
     fn prepare(&mut self, bounds: &TaskBounds) {
         self.task.set_settings(CentreOfMassSettings {
-            gain: self.gain.get().min(bounds.max_gain),
-            weight: self.weight.get(),
+            gain: self.gain.follow(bounds).min(bounds.max_gain),
+            weight: self.weight.follow(bounds),
             ..*self.task.settings()
         });
         if let Some(twin) = &mut self.acceleration {

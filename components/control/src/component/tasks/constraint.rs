@@ -4,7 +4,7 @@ use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Formulations, HeldTask, TaskBounds, TaskConfig, TaskKind, TaskPlace};
+use super::{HeldTask, TaskBounds, TaskConfig, TaskHead, TaskKind, TaskParameter, TaskPlace};
 use crate::inverse_dynamics::tasks::AccelerationTask;
 use crate::tasks::Task;
 use crate::{GoalRecord, RobotState};
@@ -29,24 +29,12 @@ impl ConstraintConfig {
 }
 
 impl TaskKind for ConstraintConfig {
-    fn name(&self) -> &str {
-        self.inner().name()
+    fn head(&self) -> TaskHead<'_> {
+        self.inner().head()
     }
 
-    fn level(&self) -> u32 {
-        self.inner().level()
-    }
-
-    fn target(&self) -> Option<&str> {
-        self.inner().target()
-    }
-
-    fn wrench(&self) -> Option<&str> {
-        self.inner().wrench()
-    }
-
-    fn formulations(&self) -> Formulations {
-        self.inner().formulations()
+    fn parameters(&self) -> Vec<TaskParameter> {
+        self.inner().parameters()
     }
 
     fn is_constraint(&self) -> bool {

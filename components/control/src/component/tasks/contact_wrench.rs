@@ -5,10 +5,10 @@ use motorium_robots::Twist;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Formulations, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
-use crate::RobotState;
+use super::{
+    Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+};
 use crate::inverse_dynamics::tasks::{AccelerationTask, ContactWrench};
-use crate::tasks::Task;
 
 /// A contact wrench task: force and torque of a contact follow a target; with `inverse_dynamics`.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -70,29 +70,27 @@ impl ContactWrenchConfig {
 }
 
 impl TaskKind for ContactWrenchConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).target(&self.target).only(Formulations::Torque)
     }
 
-    fn level(&self) -> u32 {
-        self.level
-    }
-
-    fn target(&self) -> Option<&str> {
-        Some(&self.target)
-    }
-
-    fn formulations(&self) -> Formulations {
-        Formulations::Torque
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::new("force_weight", self.force_weight, WEIGHTS, "1/N", "cost of a force error"),
+            TaskParameter::new(
+                "torque_weight",
+                self.torque_weight,
+                WEIGHTS,
+                "1/Nm",
+                "cost of a torque error",
+            ),
+        ]
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         let doc = "force and torque of the contact on the robot, in the axes of the world";
         declare.optional_input::<Wrench>(&self.target, doc);
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("force_weight"), self.force_weight, WEIGHTS, "1/N", "cost of a force error");
-        declare.float(&name("torque_weight"), self.torque_weight, WEIGHTS, "1/Nm", "cost of a torque error");
         Ok(())
     }
 
@@ -101,9 +99,8 @@ impl TaskKind for ContactWrenchConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
-        let weights = [parameter("force_weight")?, parameter("torque_weight")?];
-        Ok(Box::new(HeldWrench { task: self.build(place)?, input: setup.input(&self.target)?, weights }))
+        let (task, input, weights) = (self.build(place)?, setup.input(&self.target)?, self.open(setup)?);
+        Ok(Box::new(HeldWrench { task, input, weights }))
     }
 }
 
@@ -111,24 +108,16 @@ impl TaskKind for ContactWrenchConfig {
 struct HeldWrench {
     task: ContactWrench,
     input: Input<Wrench>,
-    weights: [Parameter<f64>; 2],
+    weights: [Ramped; 2],
 }
 
 impl HeldTask for HeldWrench {
-    fn begin(&mut self, _: &RobotState<'_>) {}
-
-    fn reset(&mut self) {}
-
-    fn prepare(&mut self, _: &TaskBounds) {
-        let [force, torque] = self.weights.each_ref().map(Parameter::get);
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        let [force, torque] = self.weights.each_mut().map(|parameter| parameter.follow(bounds));
         self.task.set_weights(force, torque);
         if let Some(target) = self.input.latest() {
             self.task.set_target(Twist { linear: target.force.into(), angular: target.torque.into() });
         }
-    }
-
-    fn task(&mut self) -> Option<&mut dyn Task> {
-        None
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {

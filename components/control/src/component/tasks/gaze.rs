@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
 use crate::inverse_dynamics::tasks::{AccelerationTask, GazeAcceleration};
 use crate::tasks::{GazeSettings, GazeTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
@@ -75,31 +75,27 @@ impl GazeConfig {
 }
 
 impl TaskKind for GazeConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).target(&self.target)
     }
 
-    fn level(&self) -> u32 {
-        self.level
-    }
-
-    fn target(&self) -> Option<&str> {
-        Some(&self.target)
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::gain(self.gain),
+            TaskParameter::new(
+                "weight",
+                self.weight,
+                WEIGHTS,
+                "1/(rad/s)",
+                "cost of an angular velocity error",
+            ),
+        ]
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         let doc = "position and linear velocity of the point to look at, in the world frame";
         declare.optional_input::<PoseTarget>(&self.target, doc);
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
-        declare.float(
-            &name("weight"),
-            self.weight,
-            WEIGHTS,
-            "1/(rad/s)",
-            "cost of an angular velocity error",
-        );
         Ok(())
     }
 
@@ -110,15 +106,15 @@ impl TaskKind for GazeConfig {
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        let [gain, weight] = self.open(setup)?;
         let twin = GazeAcceleration::new(place.model, task.frame(), *task.axis(), feedback(self.gain))
             .max_speed(task.settings().max_speed);
         Ok(Box::new(Gaze {
             acceleration: place.torque.then_some(twin),
             task,
             input,
-            gain: parameter("gain")?,
-            weight: parameter("weight")?,
+            gain,
+            weight,
             goals: GoalRecord::new(GoalTolerance {
                 position: f64::INFINITY,
                 orientation: place.tolerance("tolerance", self.tolerance)?,
@@ -133,8 +129,8 @@ struct Gaze {
     task: GazeTask,
     acceleration: Option<GazeAcceleration>,
     input: Input<PoseTarget>,
-    gain: Parameter<f64>,
-    weight: Parameter<f64>,
+    gain: Ramped,
+    weight: Ramped,
     goals: GoalRecord,
     current: Option<PoseTarget>,
 }
@@ -159,8 +155,8 @@ impl HeldTask for Gaze {
 
     fn prepare(&mut self, bounds: &TaskBounds) {
         self.task.set_settings(GazeSettings {
-            gain: self.gain.get().min(bounds.max_gain),
-            weight: self.weight.get(),
+            gain: self.gain.follow(bounds).min(bounds.max_gain),
+            weight: self.weight.follow(bounds),
             ..*self.task.settings()
         });
         if let Some(twin) = &mut self.acceleration {

@@ -1,25 +1,129 @@
-//! Running tasks that have parameters and no target.
+//! Running tasks: what the controller asks of each, and those that have parameters and nothing else.
 
 use motorium::prelude::*;
 
-use super::{HeldTask, TaskBounds};
-use crate::{RobotState, inverse_dynamics::tasks::AccelerationTask, tasks::Task};
+use super::{Ramped, TaskPlace};
+use crate::inverse_dynamics::tasks::{AccelerationTask, JointVelocities, JointVelocityAcceleration};
+use crate::limits::RowLimit;
+use crate::tasks::Task;
+use crate::{GoalRecord, RobotState};
+
+/// A task with its name and the place of its level.
+pub(in crate::component) struct Held {
+    pub(in crate::component) name: String,
+    /// 0 for the highest.
+    pub(in crate::component) level: usize,
+    pub(in crate::component) task: Box<dyn HeldTask>,
+}
+
+/// A task of a running controller, with its input and its parameters.
+pub(in crate::component) trait HeldTask {
+    /// Begins at the measured state `start`: a task without a target takes its target from there.
+    fn begin(&mut self, _start: &RobotState<'_>) {}
+
+    /// Forgets all targets, for a new episode; [`begin`](Self::begin) follows.
+    fn reset(&mut self) {}
+
+    /// Applies the current parameters and the newest target, once per step.
+    fn prepare(&mut self, bounds: &TaskBounds);
+
+    /// The cost of the task on velocities; `None` for a task of inverse dynamics alone.
+    fn task(&mut self) -> Option<&mut dyn Task> {
+        None
+    }
+
+    /// The cost of the task on accelerations or contact forces, where the controller computes torques and the task can.
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        None
+    }
+
+    /// Limits that give way, and the cost of a velocity beyond them.
+    fn limits(&mut self) -> Option<(&mut [Box<dyn RowLimit>], f64)> {
+        None
+    }
+
+    /// True if it holds exactly, above all levels.
+    fn is_constraint(&self) -> bool {
+        false
+    }
+
+    /// Takes the velocity that was decided.
+    fn solved(&mut self, _velocity: &[f64]) {}
+
+    /// The number of rows of its cost.
+    fn rows(&mut self) -> usize {
+        if let Some(task) = self.acceleration() {
+            return task.rows();
+        }
+        self.task().map_or(0, |task| task.rows())
+    }
+
+    /// Records the error of the measured robot after a step of `dt` seconds.
+    fn record(&mut self, _measured: &RobotState<'_>, _dt: f64) {}
+
+    /// The goals of the target, if it has any.
+    fn goals(&self) -> Option<&GoalRecord> {
+        None
+    }
+
+    /// The entry of the task under `tasks` in the result of the run.
+    fn result(&self) -> Option<serde_json::Value> {
+        None
+    }
+}
+
+/// Bounds that a controller sets to its tasks.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::component) struct TaskBounds {
+    /// True in the first step at a state.
+    pub(in crate::component) begins: bool,
+    /// Time within which a change of a parameter takes effect, s.
+    pub(in crate::component) ramp: f64,
+    /// Time since the step before, s.
+    pub(in crate::component) dt: f64,
+    /// The largest gain: half the tick rate, 1/s.
+    pub(in crate::component) max_gain: f64,
+    /// Age from which a target counts as standing still, ns.
+    pub(in crate::component) target_timeout_ns: u64,
+}
+
+/// The form of a task for the formulation of its controller.
+pub(super) enum Form<V, A> {
+    /// On velocities.
+    Velocity(V),
+    /// On accelerations.
+    Torque(A),
+}
+
+impl<V: Task, A: AccelerationTask> Form<V, A> {
+    /// The cost on velocities, of a form for them.
+    pub(super) fn task(&mut self) -> Option<&mut dyn Task> {
+        match self {
+            Self::Velocity(task) => Some(task),
+            Self::Torque(_) => None,
+        }
+    }
+
+    /// The cost on accelerations, of a form for them.
+    pub(super) fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        match self {
+            Self::Velocity(_) => None,
+            Self::Torque(task) => Some(task),
+        }
+    }
+}
 
 /// A task on velocities whose parameters `apply` takes over before each step.
 pub(super) struct OnVelocities<T, const N: usize> {
     pub(super) task: T,
-    pub(super) parameters: [Parameter<f64>; N],
-    pub(super) apply: fn(&mut T, [f64; N]),
+    pub(super) parameters: [Ramped; N],
+    pub(super) apply: fn(&mut T, [f64; N], &TaskBounds),
 }
 
 impl<T: Task + Send + 'static, const N: usize> HeldTask for OnVelocities<T, N> {
-    fn begin(&mut self, _: &RobotState<'_>) {}
-
-    fn reset(&mut self) {}
-
-    fn prepare(&mut self, _: &TaskBounds) {
-        let values = self.parameters.each_ref().map(Parameter::get);
-        (self.apply)(&mut self.task, values);
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds));
+        (self.apply)(&mut self.task, values, bounds);
     }
 
     fn task(&mut self) -> Option<&mut dyn Task> {
@@ -27,25 +131,57 @@ impl<T: Task + Send + 'static, const N: usize> HeldTask for OnVelocities<T, N> {
     }
 }
 
-/// The same on accelerations or contact forces.
-pub(super) struct OnAccelerations<T, const N: usize> {
-    pub(super) task: T,
-    pub(super) parameters: [Parameter<f64>; N],
-    pub(super) apply: fn(&mut T, [f64; N]),
+/// A task that asks the joints for velocities, in the form for the formulation of its controller.
+pub(super) fn on_joints<T: JointVelocities + Send + 'static, const N: usize>(
+    place: &TaskPlace<'_>,
+    rate: Option<f64>,
+    task: T,
+    parameters: [Ramped; N],
+    apply: fn(&mut T, [f64; N]),
+) -> Result<Box<dyn HeldTask>, ConfigError> {
+    if !place.torque {
+        return Ok(Box::new(OnJoints { task: Form::Velocity(task), parameters, apply }));
+    }
+    let task = JointVelocityAcceleration::new(place.model, task, place.rate(rate)?);
+    Ok(Box::new(OnJoints { task: Form::Torque(task), parameters, apply }))
 }
 
-impl<T: AccelerationTask + Send + 'static, const N: usize> HeldTask for OnAccelerations<T, N> {
-    fn begin(&mut self, _: &RobotState<'_>) {}
+/// A task that asks the joints for velocities, whose parameters `apply` takes over before each step.
+struct OnJoints<T, const N: usize> {
+    task: Form<T, JointVelocityAcceleration<T>>,
+    parameters: [Ramped; N],
+    apply: fn(&mut T, [f64; N]),
+}
 
-    fn reset(&mut self) {}
-
-    fn prepare(&mut self, _: &TaskBounds) {
-        let values = self.parameters.each_ref().map(Parameter::get);
-        (self.apply)(&mut self.task, values);
+impl<T: JointVelocities + Send + 'static, const N: usize> HeldTask for OnJoints<T, N> {
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds));
+        match &mut self.task {
+            Form::Velocity(task) => (self.apply)(task, values),
+            Form::Torque(task) => (self.apply)(task.task_mut(), values),
+        }
     }
 
     fn task(&mut self) -> Option<&mut dyn Task> {
-        None
+        self.task.task()
+    }
+
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        self.task.acceleration()
+    }
+}
+
+/// The same on accelerations or contact forces.
+pub(super) struct OnAccelerations<T, const N: usize> {
+    pub(super) task: T,
+    pub(super) parameters: [Ramped; N],
+    pub(super) apply: fn(&mut T, [f64; N], &TaskBounds),
+}
+
+impl<T: AccelerationTask + Send + 'static, const N: usize> HeldTask for OnAccelerations<T, N> {
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds));
+        (self.apply)(&mut self.task, values, bounds);
     }
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {

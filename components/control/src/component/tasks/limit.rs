@@ -1,14 +1,15 @@
 //! The task of `control.qp` that is made of limits.
 
 use motorium::prelude::*;
+use motorium_robots::World;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Formulations, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
-use crate::RobotState;
+use super::{
+    Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+};
 use crate::component::{collision_limits::CollisionConfig, frame_limits::FrameLimitConfig};
 use crate::limits::RowLimit;
-use crate::tasks::Task;
 
 /// A task made of limits: they give way where the tasks of smaller levels, or of their own, ask for more.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -40,7 +41,12 @@ impl LimitConfig {
             frame.build(&path, place.model, place.profile, &mut limits)?;
         }
         if let Some(collision) = &self.collision {
-            limits.push(Box::new(collision.build(&place.key("collision"), place.model, place.profile)?));
+            limits.push(Box::new(collision.build(
+                &place.key("collision"),
+                place.model,
+                place.profile,
+                place.world,
+            )?));
         }
         if limits.is_empty() {
             return Err(ConfigError::key(&place.path, "a task without a limit")
@@ -51,23 +57,29 @@ impl LimitConfig {
 }
 
 impl TaskKind for LimitConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).only(Formulations::Velocity(
+            "with `inverse_dynamics` limits stand under `limits`, where they give way by the policy of `on_infeasible`",
+        ))
     }
 
-    fn level(&self) -> u32 {
-        self.level
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![TaskParameter::new(
+            "weight",
+            self.weight,
+            1e-6..=*WEIGHTS.end(),
+            "1/(m/s)",
+            "cost of a velocity beyond a limit",
+        )]
     }
 
-    fn formulations(&self) -> Formulations {
-        Formulations::Velocity
+    fn has_moving_objects(&self, world: &World) -> bool {
+        self.collision.as_ref().is_some_and(|collision| collision.has_moving_objects(world))
     }
 
-    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn declare(&self, place: &TaskPlace<'_>, _: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         place.in_range("weight", self.weight, 1e-6..=*WEIGHTS.end())?;
-        let (name, doc) = (format!("{}_weight", self.name), "cost of a velocity beyond a limit");
-        declare.float(&name, self.weight, 1e-6..=*WEIGHTS.end(), "1/(m/s)", doc);
         Ok(())
     }
 
@@ -76,30 +88,25 @@ impl TaskKind for LimitConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        let weight = setup.parameter(&format!("{}_weight", self.name))?;
-        Ok(Box::new(SoftLimits { limits: self.build(place)?, weight }))
+        let [weight] = self.open(setup)?;
+        Ok(Box::new(SoftLimits { limits: self.build(place)?, weight, cost: self.weight }))
     }
 }
 
 /// Limits that give way.
 struct SoftLimits {
     limits: Vec<Box<dyn RowLimit>>,
-    weight: Parameter<f64>,
+    weight: Ramped,
+    /// Cost at this step.
+    cost: f64,
 }
 
 impl HeldTask for SoftLimits {
-    fn begin(&mut self, _: &RobotState<'_>) {}
-
-    fn reset(&mut self) {}
-
-    fn prepare(&mut self, _: &TaskBounds) {}
-
-    fn task(&mut self) -> Option<&mut dyn Task> {
-        None
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        self.cost = self.weight.follow(bounds);
     }
 
     fn limits(&mut self) -> Option<(&mut [Box<dyn RowLimit>], f64)> {
-        let weight = self.weight.get();
-        Some((&mut self.limits, weight))
+        Some((&mut self.limits, self.cost))
     }
 }

@@ -5,8 +5,8 @@ use motorium_robots::TaskRows;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::held::OnVelocities;
-use super::{Formulations, HeldTask, TaskKind, TaskPlace, WEIGHTS};
+use super::held::on_joints;
+use super::{HeldTask, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
 use crate::tasks::{ManipulabilityTask, Measure};
 
 /// A manipulability task: the joints move to where a frame is moved, or exerts forces, more easily.
@@ -29,6 +29,9 @@ pub struct ManipulabilityConfig {
     pub weight: f64,
     /// Largest speed of the joints together that it asks for, rad/s. Default 0.5.
     pub max_speed: f64,
+    /// With `inverse_dynamics`: rate at which an error of a joint velocity decays, 1/s, 0 to 1000; at most half the tick rate is used.
+    /// Default 20.
+    pub rate: Option<f64>,
 }
 
 /// Motions of a frame that count for its manipulability.
@@ -54,6 +57,7 @@ impl Default for ManipulabilityConfig {
             gain: 1.0,
             weight: 1e-2,
             max_speed: 0.5,
+            rate: None,
         }
     }
 }
@@ -68,29 +72,26 @@ impl ManipulabilityConfig {
         };
         let gain = place.in_range("gain", self.gain, WEIGHTS)?;
         let weight = place.in_range("weight", self.weight, WEIGHTS)?;
+        place.rate(self.rate)?;
         let speed = place.in_range("max_speed", self.max_speed, 1e-6..=f64::MAX)?;
         Ok(ManipulabilityTask::new(place.model, frame, rows).of(self.of).with(gain, weight).max_speed(speed))
     }
 }
 
 impl TaskKind for ManipulabilityConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level)
     }
 
-    fn level(&self) -> u32 {
-        self.level
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::new("gain", self.gain, WEIGHTS, "(rad/s)^2", "speed per slope of the measure"),
+            TaskParameter::new("weight", self.weight, WEIGHTS, "1/(rad/s)", "cost of a joint velocity error"),
+        ]
     }
 
-    fn formulations(&self) -> Formulations {
-        Formulations::Velocity
-    }
-
-    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn declare(&self, place: &TaskPlace<'_>, _: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("gain"), self.gain, WEIGHTS, "(rad/s)^2", "speed per slope of the measure");
-        declare.float(&name("weight"), self.weight, WEIGHTS, "1/(rad/s)", "cost of a joint velocity error");
         Ok(())
     }
 
@@ -99,11 +100,7 @@ impl TaskKind for ManipulabilityConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
-        Ok(Box::new(OnVelocities {
-            task: self.build(place)?,
-            parameters: [parameter("gain")?, parameter("weight")?],
-            apply: |task, [gain, weight]| task.set(gain, weight),
-        }))
+        let apply = |task: &mut ManipulabilityTask, [gain, weight]: [f64; 2]| task.set(gain, weight);
+        Ok(on_joints(place, self.rate, self.build(place)?, self.open(setup)?, apply)?)
     }
 }

@@ -4,8 +4,10 @@ use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::held::{OnAccelerations, OnVelocities};
-use super::{Formulations, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::held::{OnAccelerations, on_joints};
+use super::{
+    Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+};
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationMinimum, ForceRegularisation, TorqueMinimum};
 use crate::tasks::{MinimumEffortTask, MinimumVelocityTask, Task};
@@ -24,17 +26,20 @@ pub struct MinimumConfig {
     pub gain: f64,
     /// Cost of the quantity, in the inverse of its unit, 0 to 1000. Default 1e-2.
     pub weight: f64,
+    /// Of velocities and efforts with `inverse_dynamics`: rate at which an error of a joint velocity decays, 1/s, 0 to 1000; at most half
+    /// the tick rate is used. Default 20.
+    pub rate: Option<f64>,
 }
 
 /// A quantity that a minimum task makes small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MinimumOf {
-    /// Velocities; without `inverse_dynamics`.
+    /// Velocities; with `inverse_dynamics` the joints are damped.
     Velocity,
     /// Accelerations; without `inverse_dynamics` the change of the velocities from step to step.
     Acceleration,
-    /// Efforts that hold the robot's weight, as shares of their limits; without `inverse_dynamics`.
+    /// Efforts that hold the robot's weight, as shares of their limits; of a robot with a fixed base.
     Effort,
     /// Torques of the drives, as shares of their limits; with `inverse_dynamics`.
     Torque,
@@ -45,40 +50,45 @@ pub enum MinimumOf {
 impl Default for MinimumConfig {
     fn default() -> Self {
         let (name, of) = ("minimum".to_owned(), MinimumOf::Acceleration);
-        Self { name, level: 1, of, gain: 1.0, weight: 1e-2 }
+        Self { name, level: 1, of, gain: 1.0, weight: 1e-2, rate: None }
     }
 }
 
 impl TaskKind for MinimumConfig {
-    fn name(&self) -> &str {
-        &self.name
-    }
-
-    fn level(&self) -> u32 {
-        self.level
-    }
-
-    fn formulations(&self) -> Formulations {
-        match self.of {
-            MinimumOf::Velocity | MinimumOf::Effort => Formulations::Velocity,
-            MinimumOf::Acceleration => Formulations::Both,
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).only(match self.of {
             MinimumOf::Torque | MinimumOf::Force => Formulations::Torque,
-        }
+            _ => Formulations::Both,
+        })
     }
 
-    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn parameters(&self) -> Vec<TaskParameter> {
+        let doc = "cost of the quantity, in the inverse of its unit";
+        let mut parameters = vec![TaskParameter::new("weight", self.weight, WEIGHTS, "", doc)];
+        if self.of == MinimumOf::Effort {
+            let doc = "speed per slope of the efforts";
+            parameters.push(TaskParameter::new("gain", self.gain, WEIGHTS, "(rad/s)^2", doc));
+        }
+        parameters
+    }
+
+    fn declare(&self, place: &TaskPlace<'_>, _: &mut Declare) -> Result<(), ConfigError> {
         place.in_range("weight", self.weight, WEIGHTS)?;
         place.in_range("gain", self.gain, WEIGHTS)?;
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(
-            &name("weight"),
-            self.weight,
-            WEIGHTS,
-            "",
-            "cost of the quantity, in the inverse of its unit",
-        );
-        if self.of == MinimumOf::Effort {
-            declare.float(&name("gain"), self.gain, WEIGHTS, "(rad/s)^2", "speed per slope of the efforts");
+        match self.of {
+            MinimumOf::Velocity | MinimumOf::Effort => place.rate(self.rate).map(drop)?,
+            _ if self.rate.is_some() => {
+                let message =
+                    "of a quantity other than `velocity` and `effort`, which alone have a use for it";
+                return Err(ConfigError::key(place.key("rate"), message).advise("leave it out"));
+            }
+            _ => {}
+        }
+        if self.of == MinimumOf::Effort && place.model.base().floating {
+            let message =
+                "`effort` of a robot whose base floats: what its drives hold depends on its contact forces";
+            return Err(ConfigError::key(place.key("of"), message)
+                .advise("of = \"torque\" makes the torques of the drives themselves small"));
         }
         Ok(())
     }
@@ -89,34 +99,34 @@ impl TaskKind for MinimumConfig {
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let model = place.model;
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
-        let weight = parameter("weight")?;
         Ok(match self.of {
-            MinimumOf::Velocity => Box::new(OnVelocities {
-                task: MinimumVelocityTask::new(model),
-                parameters: [weight],
-                apply: |task, [weight]| task.set_weight(weight),
-            }),
-            MinimumOf::Effort => Box::new(OnVelocities {
-                task: MinimumEffortTask::new(model, place.gravity),
-                parameters: [parameter("gain")?, weight],
-                apply: |task, [gain, weight]| task.set(gain, weight),
-            }),
+            MinimumOf::Velocity => {
+                let apply = |task: &mut MinimumVelocityTask, [weight]: [f64; 1]| task.set_weight(weight);
+                on_joints(place, self.rate, MinimumVelocityTask::new(model), self.open(setup)?, apply)?
+            }
+            MinimumOf::Effort => {
+                let apply = |task: &mut MinimumEffortTask, [weight, gain]: [f64; 2]| task.set(gain, weight);
+                let task = MinimumEffortTask::new(model, place.gravity);
+                on_joints(place, self.rate, task, self.open(setup)?, apply)?
+            }
             MinimumOf::Acceleration if place.torque => Box::new(OnAccelerations {
                 task: AccelerationMinimum::new(model),
-                parameters: [weight],
-                apply: |task, [weight]| task.set_weight(weight),
+                parameters: self.open(setup)?,
+                apply: |task, [weight], _| task.set_weight(weight),
             }),
-            MinimumOf::Acceleration => Box::new(Smooth { task: MinimumVelocityTask::new(model), weight }),
+            MinimumOf::Acceleration => {
+                let [weight] = self.open(setup)?;
+                Box::new(Smooth { task: MinimumVelocityTask::new(model), weight })
+            }
             MinimumOf::Torque => Box::new(OnAccelerations {
                 task: TorqueMinimum::of(model, place.contacts),
-                parameters: [weight],
-                apply: |task, [weight]| task.set_weight(weight),
+                parameters: self.open(setup)?,
+                apply: |task, [weight], _| task.set_weight(weight),
             }),
             MinimumOf::Force => Box::new(OnAccelerations {
                 task: ForceRegularisation::of(model, place.contacts),
-                parameters: [weight],
-                apply: |task, [weight]| task.set_weight(weight),
+                parameters: self.open(setup)?,
+                apply: |task, [weight], _| task.set_weight(weight),
             }),
         })
     }
@@ -125,7 +135,7 @@ impl TaskKind for MinimumConfig {
 /// Velocities that change little from step to step.
 struct Smooth {
     task: MinimumVelocityTask,
-    weight: Parameter<f64>,
+    weight: Ramped,
 }
 
 impl HeldTask for Smooth {
@@ -137,8 +147,8 @@ impl HeldTask for Smooth {
         self.task.set_rest();
     }
 
-    fn prepare(&mut self, _: &TaskBounds) {
-        self.task.set_weight(self.weight.get());
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        self.task.set_weight(self.weight.follow(bounds));
     }
 
     fn task(&mut self) -> Option<&mut dyn Task> {

@@ -4,10 +4,9 @@ use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Formulations, GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
-use crate::RobotState;
-use crate::inverse_dynamics::tasks::{AccelerationTask, MomentumRate};
-use crate::tasks::Task;
+use super::held::OnAccelerations;
+use super::{Formulations, GAINS, HeldTask, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use crate::inverse_dynamics::tasks::MomentumRate;
 
 /// A momentum task: the momentum of the whole robot about its centre of mass comes to rest.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -41,26 +40,32 @@ impl MomentumConfig {
 }
 
 impl TaskKind for MomentumConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).only(Formulations::Torque)
     }
 
-    fn level(&self) -> u32 {
-        self.level
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::new("gain", self.gain, GAINS, "1/s", "rate at which the momentum decays"),
+            TaskParameter::new(
+                "linear_weight",
+                self.linear_weight,
+                WEIGHTS,
+                "1/N",
+                "cost of a force, the rate of the linear momentum",
+            ),
+            TaskParameter::new(
+                "angular_weight",
+                self.angular_weight,
+                WEIGHTS,
+                "1/Nm",
+                "cost of a torque, the rate of the angular momentum",
+            ),
+        ]
     }
 
-    fn formulations(&self) -> Formulations {
-        Formulations::Torque
-    }
-
-    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn declare(&self, place: &TaskPlace<'_>, _: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the momentum decays");
-        let doc = "cost of a force, the rate of the linear momentum";
-        declare.float(&name("linear_weight"), self.linear_weight, WEIGHTS, "1/N", doc);
-        let doc = "cost of a torque, the rate of the angular momentum";
-        declare.float(&name("angular_weight"), self.angular_weight, WEIGHTS, "1/Nm", doc);
         Ok(())
     }
 
@@ -69,40 +74,12 @@ impl TaskKind for MomentumConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        let task = self.build(place)?;
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
-        Ok(Box::new(HeldMomentum {
-            task,
-            gain: parameter("gain")?,
-            linear_weight: parameter("linear_weight")?,
-            angular_weight: parameter("angular_weight")?,
+        Ok(Box::new(OnAccelerations {
+            task: self.build(place)?,
+            parameters: self.open(setup)?,
+            apply: |task, [gain, linear, angular], bounds| {
+                task.set(gain.min(bounds.max_gain), linear, angular)
+            },
         }))
-    }
-}
-
-/// A momentum that comes to rest.
-struct HeldMomentum {
-    task: MomentumRate,
-    gain: Parameter<f64>,
-    linear_weight: Parameter<f64>,
-    angular_weight: Parameter<f64>,
-}
-
-impl HeldTask for HeldMomentum {
-    fn begin(&mut self, _: &RobotState<'_>) {}
-
-    fn reset(&mut self) {}
-
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        let gain = self.gain.get().min(bounds.max_gain);
-        self.task.set(gain, self.linear_weight.get(), self.angular_weight.get());
-    }
-
-    fn task(&mut self) -> Option<&mut dyn Task> {
-        None
-    }
-
-    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
-        Some(&mut self.task)
     }
 }

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
 use crate::RobotState;
 use crate::component::checks::per_joint;
 use crate::inverse_dynamics::tasks::{AccelerationTask, PostureAcceleration};
@@ -74,19 +74,19 @@ impl PostureConfig {
 }
 
 impl TaskKind for PostureConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level)
     }
 
-    fn level(&self) -> u32 {
-        self.level
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::gain(self.gain),
+            TaskParameter::new("weight", self.weight, WEIGHTS, "1/(rad/s)", "cost of a joint velocity error"),
+        ]
     }
 
-    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn declare(&self, place: &TaskPlace<'_>, _: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
-        declare.float(&name("weight"), self.weight, WEIGHTS, "1/(rad/s)", "cost of a joint velocity error");
         Ok(())
     }
 
@@ -96,7 +96,7 @@ impl TaskKind for PostureConfig {
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let (task, from_start) = self.build(place)?;
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
+        let [gain, weight] = self.open(setup)?;
         let takes_start = from_start;
         let twin = PostureAcceleration::new(place.model, task.target(), feedback(self.gain));
         Ok(Box::new(Posture {
@@ -104,8 +104,8 @@ impl TaskKind for PostureConfig {
             task,
             takes_start,
             from_start,
-            gain: parameter("gain")?,
-            weight: parameter("weight")?,
+            gain,
+            weight,
         }))
     }
 }
@@ -118,8 +118,8 @@ struct Posture {
     takes_start: bool,
     /// True until the posture is taken from the first joint state.
     from_start: bool,
-    gain: Parameter<f64>,
-    weight: Parameter<f64>,
+    gain: Ramped,
+    weight: Ramped,
 }
 
 impl HeldTask for Posture {
@@ -139,8 +139,8 @@ impl HeldTask for Posture {
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
-        let gain = self.gain.get().min(bounds.max_gain);
-        let weight = self.weight.get();
+        let gain = self.gain.follow(bounds).min(bounds.max_gain);
+        let weight = self.weight.follow(bounds);
         self.task.set_settings(PostureSettings { gain, weight });
         if let Some(twin) = &mut self.acceleration {
             twin.set(feedback(gain), weight);

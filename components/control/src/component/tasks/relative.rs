@@ -1,12 +1,17 @@
 //! The relative task of `control.qp`.
 
 use motorium::prelude::*;
+use motorium_robots::FrameId;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Formulations, GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::held::Form;
+use super::{
+    GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS, feedback,
+};
 use crate::RobotState;
+use crate::inverse_dynamics::tasks::{AccelerationTask, RelativeAcceleration};
 use crate::tasks::{RelativeSettings, RelativeTask, Task};
 
 /// A relative task: a frame reaches a pose in another frame of the same robot.
@@ -65,31 +70,33 @@ impl RelativeConfig {
 }
 
 impl TaskKind for RelativeConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).target(&self.target)
     }
 
-    fn level(&self) -> u32 {
-        self.level
-    }
-
-    fn target(&self) -> Option<&str> {
-        Some(&self.target)
-    }
-
-    fn formulations(&self) -> Formulations {
-        Formulations::Velocity
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::gain(self.gain),
+            TaskParameter::new(
+                "position_weight",
+                self.position_weight,
+                WEIGHTS,
+                "1/(m/s)",
+                "cost of a velocity error",
+            ),
+            TaskParameter::new(
+                "orientation_weight",
+                self.orientation_weight,
+                WEIGHTS,
+                "1/(rad/s)",
+                "cost of an angular velocity error",
+            ),
+        ]
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         declare.optional_input::<PoseTarget>(&self.target, "pose of the frame in the other frame");
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
-        let (weight, doc) = (self.position_weight, "cost of a velocity error");
-        declare.float(&name("position_weight"), weight, WEIGHTS, "1/(m/s)", doc);
-        let (weight, doc) = (self.orientation_weight, "cost of an angular velocity error");
-        declare.float(&name("orientation_weight"), weight, WEIGHTS, "1/(rad/s)", doc);
         Ok(())
     }
 
@@ -98,16 +105,15 @@ impl TaskKind for RelativeConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
-        let [gain, position, orientation] =
-            [parameter("gain")?, parameter("position_weight")?, parameter("orientation_weight")?];
+        let (task, input, parameters) = (self.build(place)?, setup.input(&self.target)?, self.open(setup)?);
+        let frames = task.frames();
+        let twin = RelativeAcceleration::new(place.model, frames.0, frames.1, feedback(self.gain));
         Ok(Box::new(Relative {
-            task: self.build(place)?,
-            input: setup.input(&self.target)?,
-            gain,
-            position,
-            orientation,
-            has_target: false,
+            frames,
+            task: if place.torque { Form::Torque(twin) } else { Form::Velocity(task) },
+            input,
+            parameters,
+            target: None,
             refused: 0,
             weights: (self.position_weight, self.orientation_weight),
             error: None,
@@ -117,12 +123,14 @@ impl TaskKind for RelativeConfig {
 
 /// A frame that follows poses in another.
 struct Relative {
-    task: RelativeTask,
+    /// The other frame, and the one that moves.
+    frames: (FrameId, FrameId),
+    task: Form<RelativeTask, RelativeAcceleration>,
     input: Input<PoseTarget>,
-    gain: Parameter<f64>,
-    position: Parameter<f64>,
-    orientation: Parameter<f64>,
-    has_target: bool,
+    /// Gain, and weights of position and orientation.
+    parameters: [Ramped; 3],
+    /// The newest target with a usable orientation.
+    target: Option<Isometry3<f64>>,
     /// Targets whose orientation is no unit quaternion.
     refused: u64,
     /// Weights as configured.
@@ -131,25 +139,50 @@ struct Relative {
     error: Option<(f64, f64)>,
 }
 
+impl Relative {
+    fn set_target(&mut self, target: Isometry3<f64>) {
+        match &mut self.task {
+            Form::Velocity(task) => task.set_target(target),
+            Form::Torque(task) => task.set_target(target),
+        }
+    }
+
+    fn target(&self) -> &Isometry3<f64> {
+        match &self.task {
+            Form::Velocity(task) => task.target(),
+            Form::Torque(task) => task.target(),
+        }
+    }
+
+    /// The pose of the frame in the other one.
+    fn pose(&self, state: &RobotState<'_>) -> Isometry3<f64> {
+        let (a, b) = self.frames;
+        let [a, b] = [a, b].map(|frame| state.kinematics.pose(state.model, frame));
+        a.inv_mul(&b)
+    }
+}
+
 impl HeldTask for Relative {
     fn begin(&mut self, start: &RobotState<'_>) {
-        if !self.has_target {
-            let (a, b) = self.task.frames();
-            let [a, b] = [a, b].map(|frame| start.kinematics.pose(start.model, frame));
-            self.task.set_target(a.inv_mul(&b));
+        if self.target.is_none() {
+            self.set_target(self.pose(start));
         }
     }
 
     fn reset(&mut self) {
-        (self.has_target, self.refused, self.error) = (false, 0, None);
+        (self.target, self.refused, self.error) = (None, 0, None);
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
-        self.task.set_settings(RelativeSettings {
-            gain: self.gain.get().min(bounds.max_gain),
-            position_weight: self.position.get(),
-            orientation_weight: self.orientation.get(),
-        });
+        let [gain, position_weight, orientation_weight] =
+            self.parameters.each_mut().map(|parameter| parameter.follow(bounds));
+        let gain = gain.min(bounds.max_gain);
+        match &mut self.task {
+            Form::Velocity(task) => {
+                task.set_settings(RelativeSettings { gain, position_weight, orientation_weight });
+            }
+            Form::Torque(task) => task.set(feedback(gain), position_weight, orientation_weight),
+        }
         let Some(target) = self.input.latest() else { return };
         let [x, y, z, w] = target.orientation;
         // half the length of a unit quaternion is no rounding error: such a target is refused
@@ -157,18 +190,21 @@ impl HeldTask for Relative {
             self.refused += 1;
             return;
         };
-        self.task.set_target(Isometry3::from_parts(Translation3::from(target.position), rotation));
-        self.has_target = true;
+        let target = Isometry3::from_parts(Translation3::from(target.position), rotation);
+        self.set_target(target);
+        self.target = Some(target);
     }
 
     fn task(&mut self) -> Option<&mut dyn Task> {
-        Some(&mut self.task)
+        self.task.task()
+    }
+
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        self.task.acceleration()
     }
 
     fn record(&mut self, measured: &RobotState<'_>, _: f64) {
-        let (a, b) = self.task.frames();
-        let [a, b] = [a, b].map(|frame| measured.kinematics.pose(measured.model, frame));
-        let off = a.inv_mul(&b).inv_mul(self.task.target());
+        let off = self.pose(measured).inv_mul(self.target());
         self.error = Some((off.translation.vector.norm(), off.rotation.angle()));
     }
 

@@ -5,8 +5,12 @@ use motorium::state::TwistTarget;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Formulations, GAINS, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
+use super::held::Form;
+use super::{
+    GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS, feedback,
+};
 use crate::RobotState;
+use crate::inverse_dynamics::tasks::{AccelerationTask, RigidRotationAcceleration};
 use crate::tasks::{RigidRotationTask, Task};
 
 /// A rigid rotation task: a steered wheel turns until it rolls along the way on which its base carries it.
@@ -59,33 +63,37 @@ impl RigidRotationConfig {
         let weight = place.in_range("weight", self.weight, WEIGHTS)?;
         Ok(RigidRotationTask::new(place.model, wheel, base, axis).on(normal).with(gain, weight))
     }
+
+    fn build_acceleration(&self, place: &TaskPlace<'_>) -> Result<RigidRotationAcceleration, ConfigError> {
+        let [wheel, base] =
+            [place.named_frame("frame", &self.frame)?, place.named_frame("base", &self.base)?];
+        let [axis, normal] = [place.axis("axis", self.axis)?, place.axis("normal", self.normal)?];
+        Ok(RigidRotationAcceleration::new(place.model, wheel, base, axis, feedback(self.gain)).on(normal))
+    }
 }
 
 impl TaskKind for RigidRotationConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).target(&self.target)
     }
 
-    fn level(&self) -> u32 {
-        self.level
-    }
-
-    fn target(&self) -> Option<&str> {
-        Some(&self.target)
-    }
-
-    fn formulations(&self) -> Formulations {
-        Formulations::Velocity
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::gain(self.gain),
+            TaskParameter::new(
+                "weight",
+                self.weight,
+                WEIGHTS,
+                "1/(rad/s)",
+                "cost of an angular velocity error",
+            ),
+        ]
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         let doc = "velocity of the base: linear x and y, angular z, in its own axes";
         declare.optional_input::<TwistTarget>(&self.target, doc);
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        declare.float(&name("gain"), self.gain, GAINS, "1/s", "rate at which the error decays");
-        let doc = "cost of an angular velocity error";
-        declare.float(&name("weight"), self.weight, WEIGHTS, "1/(rad/s)", doc);
         Ok(())
     }
 
@@ -94,43 +102,60 @@ impl TaskKind for RigidRotationConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
-        let (gain, weight) = (parameter("gain")?, parameter("weight")?);
-        let (task, input) = (self.build(place)?, setup.input(&self.target)?);
-        Ok(Box::new(RigidRotation { task, input, gain, weight, error: 0.0 }))
+        let (task, input, parameters) = (self.build(place)?, setup.input(&self.target)?, self.open(setup)?);
+        let task = match place.torque {
+            false => Form::Velocity(task),
+            true => Form::Torque(self.build_acceleration(place)?),
+        };
+        Ok(Box::new(RigidRotation { task, input, parameters, error: 0.0 }))
     }
 }
 
 /// A wheel that points along the way of its base.
 struct RigidRotation {
-    task: RigidRotationTask,
+    task: Form<RigidRotationTask, RigidRotationAcceleration>,
     input: Input<TwistTarget>,
-    gain: Parameter<f64>,
-    weight: Parameter<f64>,
+    /// Gain and weight.
+    parameters: [Ramped; 2],
     error: f64,
 }
 
 impl HeldTask for RigidRotation {
-    fn begin(&mut self, _: &RobotState<'_>) {}
-
     fn reset(&mut self) {
         self.error = 0.0;
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {
-        self.task.set(self.gain.get().min(bounds.max_gain), self.weight.get());
+        let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds));
+        let gain = gain.min(bounds.max_gain);
         let fresh = self.input.latest().filter(|target| target.age_ns() <= bounds.target_timeout_ns);
         let [x, y, yaw] =
             fresh.map_or([0.0; 3], |target| [target.linear[0], target.linear[1], target.angular[2]]);
-        self.task.set_twist(x, y, yaw);
+        match &mut self.task {
+            Form::Velocity(task) => {
+                task.set(gain, weight);
+                task.set_twist(x, y, yaw);
+            }
+            Form::Torque(task) => {
+                task.set(feedback(gain), weight);
+                task.set_twist(x, y, yaw);
+            }
+        }
     }
 
     fn task(&mut self) -> Option<&mut dyn Task> {
-        Some(&mut self.task)
+        self.task.task()
+    }
+
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        self.task.acceleration()
     }
 
     fn record(&mut self, _: &RobotState<'_>, _: f64) {
-        self.error = self.task.error();
+        self.error = match &self.task {
+            Form::Velocity(task) => task.error(),
+            Form::Torque(task) => task.error(),
+        };
     }
 
     fn result(&self) -> Option<serde_json::Value> {

@@ -4,8 +4,9 @@ use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::held::OnVelocities;
-use super::{Formulations, HeldTask, TaskKind, TaskPlace, WEIGHTS};
+use super::held::{OnAccelerations, OnVelocities};
+use super::{HeldTask, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use crate::inverse_dynamics::tasks::RollingAcceleration;
 use crate::tasks::RollingTask;
 
 /// A rolling task: the point of a wheel that touches the ground rests.
@@ -26,6 +27,9 @@ pub struct RollingConfig {
     pub normal: [f64; 3],
     /// Cost of a velocity of the contact point, 1/(m/s), 0 to 1000. Default 1.
     pub weight: f64,
+    /// With `inverse_dynamics`: rate at which an error of the velocity of the contact point decays, 1/s, 0 to 1000; at most half the tick rate is used.
+    /// Default 20.
+    pub rate: Option<f64>,
 }
 
 impl Default for RollingConfig {
@@ -38,6 +42,7 @@ impl Default for RollingConfig {
             radius: 0.0,
             normal: [0.0, 0.0, 1.0],
             weight: 1.0,
+            rate: None,
         }
     }
 }
@@ -48,27 +53,28 @@ impl RollingConfig {
         let (axis, normal) = (place.axis("axis", self.axis)?, place.axis("normal", self.normal)?);
         let radius = place.in_range("radius", self.radius, 1e-6..=1e3)?;
         let weight = place.in_range("weight", self.weight, WEIGHTS)?;
+        place.rate(self.rate)?;
         Ok(RollingTask::new(place.model, frame, axis, radius).on(normal).weight(weight))
     }
 }
 
 impl TaskKind for RollingConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level)
     }
 
-    fn level(&self) -> u32 {
-        self.level
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![TaskParameter::new(
+            "weight",
+            self.weight,
+            WEIGHTS,
+            "1/(m/s)",
+            "cost of a velocity of the contact point",
+        )]
     }
 
-    fn formulations(&self) -> Formulations {
-        Formulations::Velocity
-    }
-
-    fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
+    fn declare(&self, place: &TaskPlace<'_>, _: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
-        let (name, doc) = (format!("{}_weight", self.name), "cost of a velocity of the contact point");
-        declare.float(&name, self.weight, WEIGHTS, "1/(m/s)", doc);
         Ok(())
     }
 
@@ -77,10 +83,15 @@ impl TaskKind for RollingConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        Ok(Box::new(OnVelocities {
-            task: self.build(place)?,
-            parameters: [setup.parameter(&format!("{}_weight", self.name))?],
-            apply: |task, [weight]| task.set_weight(weight),
-        }))
+        let (task, parameters) = (self.build(place)?, self.open(setup)?);
+        if !place.torque {
+            let apply = |task: &mut RollingTask, [weight]: [f64; 1], _: &_| task.set_weight(weight);
+            return Ok(Box::new(OnVelocities { task, parameters, apply }));
+        }
+        let [axis, normal] = [place.axis("axis", self.axis)?, place.axis("normal", self.normal)?];
+        let frame = place.named_frame("frame", &self.frame)?;
+        let rate = place.rate(self.rate)?;
+        let task = RollingAcceleration::new(place.model, frame, axis, self.radius, rate).on(normal);
+        Ok(Box::new(OnAccelerations { task, parameters, apply: |task, [weight], _| task.set_weight(weight) }))
     }
 }

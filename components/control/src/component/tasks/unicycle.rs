@@ -5,8 +5,9 @@ use motorium::state::TwistTarget;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Formulations, HeldTask, TaskBounds, TaskKind, TaskPlace, WEIGHTS};
-use crate::RobotState;
+use super::held::Form;
+use super::{HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use crate::inverse_dynamics::tasks::{AccelerationTask, UnicycleAcceleration};
 use crate::tasks::{Task, UnicycleSettings, UnicycleTask};
 
 /// A unicycle task: a frame moves forward and turns as it is told, and never sideways.
@@ -28,6 +29,9 @@ pub struct UnicycleConfig {
     pub sideways_weight: f64,
     /// Cost of an error of the yaw rate, 1/(rad/s), 0 to 1000. Default 1.
     pub yaw_weight: f64,
+    /// With `inverse_dynamics`: rate at which an error of the velocity decays, 1/s, 0 to 1000; at most half the tick rate is used.
+    /// Default 20.
+    pub rate: Option<f64>,
 }
 
 impl Default for UnicycleConfig {
@@ -40,6 +44,7 @@ impl Default for UnicycleConfig {
             forward_weight: 1.0,
             sideways_weight: 1.0,
             yaw_weight: 1.0,
+            rate: None,
         }
     }
 }
@@ -47,6 +52,7 @@ impl Default for UnicycleConfig {
 impl UnicycleConfig {
     fn build(&self, place: &TaskPlace<'_>) -> Result<UnicycleTask, ConfigError> {
         let weight = |name, weight| place.in_range(name, weight, WEIGHTS);
+        place.rate(self.rate)?;
         let settings = UnicycleSettings {
             forward_weight: weight("forward_weight", self.forward_weight)?,
             sideways_weight: weight("sideways_weight", self.sideways_weight)?,
@@ -58,33 +64,40 @@ impl UnicycleConfig {
 }
 
 impl TaskKind for UnicycleConfig {
-    fn name(&self) -> &str {
-        &self.name
+    fn head(&self) -> TaskHead<'_> {
+        TaskHead::new(&self.name, self.level).target(&self.target)
     }
 
-    fn level(&self) -> u32 {
-        self.level
-    }
-
-    fn target(&self) -> Option<&str> {
-        Some(&self.target)
-    }
-
-    fn formulations(&self) -> Formulations {
-        Formulations::Velocity
+    fn parameters(&self) -> Vec<TaskParameter> {
+        vec![
+            TaskParameter::new(
+                "forward_weight",
+                self.forward_weight,
+                WEIGHTS,
+                "1/(m/s)",
+                "cost of an error of the forward speed",
+            ),
+            TaskParameter::new(
+                "sideways_weight",
+                self.sideways_weight,
+                WEIGHTS,
+                "1/(m/s)",
+                "cost of a motion sideways",
+            ),
+            TaskParameter::new(
+                "yaw_weight",
+                self.yaw_weight,
+                WEIGHTS,
+                "1/(rad/s)",
+                "cost of an error of the yaw rate",
+            ),
+        ]
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         let doc = "forward speed (linear x) and yaw rate (angular z), in the axes of the frame";
         declare.optional_input::<TwistTarget>(&self.target, doc);
-        let name = |parameter: &str| format!("{}_{parameter}", self.name);
-        let (weight, doc) = (self.forward_weight, "cost of an error of the forward speed");
-        declare.float(&name("forward_weight"), weight, WEIGHTS, "1/(m/s)", doc);
-        let (weight, doc) = (self.sideways_weight, "cost of a motion sideways");
-        declare.float(&name("sideways_weight"), weight, WEIGHTS, "1/(m/s)", doc);
-        let (weight, doc) = (self.yaw_weight, "cost of an error of the yaw rate");
-        declare.float(&name("yaw_weight"), weight, WEIGHTS, "1/(rad/s)", doc);
         Ok(())
     }
 
@@ -93,33 +106,45 @@ impl TaskKind for UnicycleConfig {
         place: &TaskPlace<'_>,
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
-        let parameter = |name: &str| setup.parameter(&format!("{}_{name}", self.name));
-        let weights = [parameter("forward_weight")?, parameter("sideways_weight")?, parameter("yaw_weight")?];
-        Ok(Box::new(Unicycle { task: self.build(place)?, input: setup.input(&self.target)?, weights }))
+        let (task, input, weights) = (self.build(place)?, setup.input(&self.target)?, self.open(setup)?);
+        let task = match place.torque {
+            false => Form::Velocity(task),
+            true => Form::Torque(UnicycleAcceleration::new(
+                place.model,
+                place.named_frame("frame", &self.frame)?,
+                place.rate(self.rate)?,
+            )),
+        };
+        Ok(Box::new(Unicycle { task, input, weights }))
     }
 }
 
 /// A frame that drives as an input says.
 struct Unicycle {
-    task: UnicycleTask,
+    task: Form<UnicycleTask, UnicycleAcceleration>,
     input: Input<TwistTarget>,
-    weights: [Parameter<f64>; 3],
+    /// Of forward, sideways and yaw.
+    weights: [Ramped; 3],
 }
 
 impl HeldTask for Unicycle {
-    fn begin(&mut self, _: &RobotState<'_>) {}
-
-    fn reset(&mut self) {}
-
     fn prepare(&mut self, bounds: &TaskBounds) {
-        let [forward_weight, sideways_weight, yaw_weight] = self.weights.each_ref().map(Parameter::get);
+        let [forward_weight, sideways_weight, yaw_weight] =
+            self.weights.each_mut().map(|parameter| parameter.follow(bounds));
         let fresh = self.input.latest().filter(|target| target.age_ns() <= bounds.target_timeout_ns);
         let (forward, yaw_rate) = fresh.map_or((0.0, 0.0), |target| (target.linear[0], target.angular[2]));
         let settings = UnicycleSettings { forward, yaw_rate, forward_weight, sideways_weight, yaw_weight };
-        self.task.set_settings(settings);
+        match &mut self.task {
+            Form::Velocity(task) => task.set_settings(settings),
+            Form::Torque(task) => task.set_settings(settings),
+        }
     }
 
     fn task(&mut self) -> Option<&mut dyn Task> {
-        Some(&mut self.task)
+        self.task.task()
+    }
+
+    fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
+        self.task.acceleration()
     }
 }

@@ -12,6 +12,7 @@ use motorium_robots::{Gains, Kinematics, Model};
 
 use super::config::QpControllerConfig;
 use super::diagnostics_output::{DiagnosticsOutput, push_name};
+use super::objects::MovingObjects;
 use super::setup::{ControllerSetup, RowLimits};
 use super::tasks::{Held, TaskBounds};
 use super::{period_ns, results};
@@ -44,6 +45,7 @@ pub(super) struct TorqueController {
     control: InverseDynamics,
     contacts: Vec<ContactSwitch>,
     limits: RowLimits,
+    objects: MovingObjects,
     /// The integrated accelerations.
     reference: JointSetpoint,
     reference_velocity: Vec<f64>,
@@ -58,6 +60,7 @@ pub(super) struct TorqueController {
     contact_ramp: f64,
     state_timeout_ns: u64,
     target_timeout_ns: u64,
+    task_ramp: f64,
     kp_scale: Parameter<f64>,
     kd_scale: Parameter<f64>,
     velocity_fraction: Parameter<f64>,
@@ -102,8 +105,9 @@ impl TorqueController {
         let mut tasks = parts
             .tasks(setup.period().as_secs_f64())
             .map(|(place, task)| {
-                let level = parts.levels().filter(|level| *level < task.level()).count();
-                Ok(Held { name: task.name().to_owned(), level, task: task.configure(&place, setup)? })
+                let head = task.head();
+                let level = parts.levels().filter(|level| *level < head.level).count();
+                Ok(Held { name: head.name.to_owned(), level, task: task.configure(&place, setup)? })
             })
             .collect::<Result<Vec<_>, ConfigureError>>()?;
         let mut rows = vec![0; parts.levels().count()];
@@ -115,6 +119,7 @@ impl TorqueController {
         }
         let contacts = table.contacts(&parts.model, parts.profile.as_ref())?;
         let settings: InverseDynamicsSettings = table.settings(config)?;
+        let objects = MovingObjects::configure(config, &parts, setup)?;
         let ControllerSetup { model, gains, .. } = parts;
         let weight = model.mass() * settings.gravity.norm();
         let switches = contacts
@@ -141,6 +146,7 @@ impl TorqueController {
             control,
             contacts: switches,
             limits,
+            objects,
             reference: JointSetpoint::of_joints(&model),
             reference_velocity: vec![0.0; model.joint_count()],
             torque: vec![0.0; model.joint_count()],
@@ -153,6 +159,7 @@ impl TorqueController {
             contact_ramp: table.contact_ramp.as_secs_f64(),
             state_timeout_ns: config.state_timeout.ns,
             target_timeout_ns: config.target_timeout.ns,
+            task_ramp: config.task_ramp.as_secs_f64(),
             kp_scale: setup.parameter("kp_scale")?,
             kd_scale: setup.parameter("kd_scale")?,
             velocity_fraction: setup.parameter("velocity_fraction")?,
@@ -177,7 +184,7 @@ impl TorqueController {
             self.begin();
         }
         let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
-        self.prepare(dt);
+        self.prepare(dt, unbroken.is_none())?;
         let solved = self.solve(dt);
         let measured = RobotState { model: &self.model, kinematics: &self.kinematics, q: &self.q };
         for held in &mut self.tasks {
@@ -240,9 +247,10 @@ impl TorqueController {
         }
     }
 
-    /// Applies the current parameters and targets.
-    fn prepare(&mut self, dt: f64) {
-        let bounds = TaskBounds { dt, max_gain: 0.5 / dt, target_timeout_ns: self.target_timeout_ns };
+    /// Applies the current parameters, targets and obstacles.
+    fn prepare(&mut self, dt: f64, begins: bool) -> Result<(), StepError> {
+        let (ramp, target_timeout_ns) = (self.task_ramp, self.target_timeout_ns);
+        let bounds = TaskBounds { begins, ramp, dt, max_gain: 0.5 / dt, target_timeout_ns };
         for held in &mut self.tasks {
             held.task.prepare(&bounds);
         }
@@ -256,6 +264,8 @@ impl TorqueController {
             let most = if full { switch.max_force } else { switch.load * switch.ramped };
             self.control.set_max_force(index, most);
         }
+        let limits = &mut self.limits.rows;
+        self.objects.update(|visit| limits.iter_mut().for_each(|limit| visit(limit.as_mut())))
     }
 
     /// Computes torques and moves the reference by one tick. False without a solution.
@@ -279,6 +289,7 @@ impl TorqueController {
             }
             self.control.add_row_limit(&state, &mut support.limit, dt);
         }
+        self.limits.observe();
         self.output.begin_solve();
         let solved = self.control.solve();
         self.output.end_solve();
@@ -370,6 +381,9 @@ impl TorqueController {
 
     pub(super) fn reset(&mut self) {
         self.tasks.iter_mut().for_each(|held| held.task.reset());
+        self.limits.reset();
+        let limits = &mut self.limits.rows;
+        self.objects.reset(|visit| limits.iter_mut().for_each(|limit| visit(limit.as_mut())));
         self.control.reset();
         self.contacts.iter_mut().for_each(|switch| switch.load = 1.0);
         self.diagnostics.reset();
@@ -378,6 +392,7 @@ impl TorqueController {
 
     pub(super) fn result(&self) -> serde_json::Value {
         let mut result = results(&self.tasks);
+        self.limits.add_to(&mut result);
         self.diagnostics.add_to(&mut result, &self.control, &self.model, &self.tasks);
         result
     }

@@ -1,0 +1,112 @@
+//! The robot that a task is for, and what its table may hold.
+
+use core::ops::RangeInclusive;
+
+use motorium::prelude::*;
+use motorium_robots::{EndEffectorError, FrameId, Model, Profile, World};
+use nalgebra::{Unit, Vector3};
+
+use super::{GAINS, RATE};
+use crate::component::checks;
+use crate::inverse_dynamics::Contact;
+
+/// The robot a task is for, and the place of the task in the configuration.
+pub(in crate::component) struct TaskPlace<'a> {
+    pub(in crate::component) model: &'a Model,
+    pub(in crate::component) profile: Option<&'a Profile>,
+    /// Time between two steps, s; 0 while a graph is checked.
+    pub(in crate::component) period: f64,
+    /// True if the controller computes torques.
+    pub(in crate::component) torque: bool,
+    /// Acceleration of free fall, m/s2.
+    pub(in crate::component) gravity: Vector3<f64>,
+    /// Ground and objects around the robot.
+    pub(in crate::component) world: &'a World,
+    /// Contacts of inverse dynamics; none where the controller computes velocities.
+    pub(in crate::component) contacts: &'a [Contact],
+    /// Path of the table of the task in the configuration, such as `tasks[0].cartesian`.
+    pub(in crate::component) path: String,
+}
+
+impl<'a> TaskPlace<'a> {
+    /// The place of a table within that of the task.
+    pub(super) fn within(&self, name: &str) -> TaskPlace<'a> {
+        TaskPlace { path: self.key(name), ..*self }
+    }
+
+    /// The frame that the key `name` names.
+    pub(super) fn named_frame(&self, name: &str, link: &str) -> Result<FrameId, ConfigError> {
+        if link.is_empty() {
+            return Err(ConfigError::key(self.key(name), "it is missing").advise("name a link of the robot"));
+        }
+        self.model.frame(link).map_err(|error| ConfigError::key(self.key(name), error.to_string()))
+    }
+
+    /// The direction that the key `name` gives.
+    pub(super) fn axis(&self, name: &str, axis: [f64; 3]) -> Result<Unit<Vector3<f64>>, ConfigError> {
+        Unit::try_new(Vector3::from(axis), 1e-9)
+            .filter(|axis| axis.iter().all(|number| number.is_finite()))
+            .ok_or_else(|| {
+                ConfigError::key(self.key(name), format!("{axis:?} has no direction"))
+                    .advise("give an axis, such as [0, 0, 1]")
+            })
+    }
+
+    /// Path of the key `name` of the task.
+    pub(in crate::component) fn key(&self, name: &str) -> String {
+        format!("{}.{name}", self.path)
+    }
+
+    /// The frame that a task of this kind leads: the one named, or that of the robot's only end effector.
+    pub(super) fn frame(&self, kind: &str, named: Option<&str>) -> Result<FrameId, ConfigError> {
+        self.model.end_effector(self.profile, named).map_err(|error| match error {
+            EndEffectorError::UnknownFrame(unknown) => ConfigError::key(self.key("frame"), unknown.to_string()),
+            error => ConfigError::new(error.to_string()).advise(format!(
+                "name the link to control: tasks = [{{ {kind} = {{ frame = \"{}\" }} }}, {{ posture = {{}} }}]",
+                error.example().unwrap_or_default()
+            )),
+        })
+    }
+
+    /// The value of the key `name`, if it is within `range`.
+    pub(super) fn in_range(
+        &self,
+        name: &str,
+        value: f64,
+        range: RangeInclusive<f64>,
+    ) -> Result<f64, ConfigError> {
+        checks::in_range(&self.key(name), value, range)
+    }
+
+    /// The rate at which the error of a velocity decays where the controller computes torques, 1/s: the one given, or 20, and at most
+    /// half the tick rate.
+    pub(super) fn rate(&self, given: Option<f64>) -> Result<f64, ConfigError> {
+        if given.is_some() && !self.torque {
+            return Err(ConfigError::key(
+                self.key("rate"),
+                "without `inverse_dynamics`, which alone has a use for it",
+            )
+            .advise("leave it out: velocities are commanded at once"));
+        }
+        let rate = self.in_range("rate", given.unwrap_or(RATE), GAINS)?;
+        Ok(if self.period > 0.0 { rate.min(0.5 / self.period) } else { rate })
+    }
+
+    /// The largest speed of a correction: infinite if none is given.
+    pub(super) fn max_speed(&self, name: &str, speed: Option<f64>) -> Result<f64, ConfigError> {
+        speed.map_or(Ok(f64::INFINITY), |speed| self.in_range(name, speed, 1e-6..=f64::MAX))
+    }
+
+    /// The largest error with which a goal counts as reached.
+    pub(super) fn tolerance(&self, name: &str, tolerance: f64) -> Result<f64, ConfigError> {
+        self.in_range(name, tolerance, 0.0..=f64::MAX)
+    }
+
+    /// Levenberg-Marquardt damping, s m/rad^2: `usual`, or two steps times one metre where that is more, unless it is
+    /// given.
+    pub(super) fn damping(&self, given: Option<f64>, usual: f64) -> Result<f64, ConfigError> {
+        given.map_or(Ok(usual.max(2.0 * self.period)), |damping| {
+            self.in_range("damping", damping, 0.0..=f64::MAX)
+        })
+    }
+}

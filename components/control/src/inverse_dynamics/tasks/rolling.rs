@@ -1,0 +1,114 @@
+//! A wheel rolls without slipping, by its acceleration.
+
+use motorium_robots::{FrameId, Model, Reference};
+use nalgebra::{Matrix6xX, Unit, Vector3};
+
+use super::{AccelerationTask, Cost};
+use crate::inverse_dynamics::{InverseDynamics, MotionState};
+use crate::tasks::way_to_ground;
+
+/// The point of a wheel that touches the ground comes to rest, and stays at rest: the wheel rolls, and does not slip or slide.
+///
+/// In the axes of the world, with the axis `d` of the wheel, the normal `n` of the ground, the way `c` from its centre to the contact,
+/// the velocity `v`, `w` of the wheel and its acceleration `v'`, `w'` without accelerations of the joints,
+///
+/// ```text
+/// u  = (n - d d' n) / |n - d d' n|,   c = -radius u
+/// s  = v + w x c                                  velocity of the point of the wheel at the contact
+/// c' = -radius (1 - u u') (-(w x d) d' n - d (w x d)' n) / |n - d d' n|
+/// A  = J_v - [c]x J_w                             3 x nv, on the accelerations
+/// b  = -rate s - (v' + w' x c + w x c')
+/// W  = weight                                     1/(m/s2)
+/// ```
+///
+/// (the [rolling task](crate::tasks::RollingTask) of velocities: what slips comes to rest at `rate`). A wheel that lies flat has no
+/// contact point, and is asked for nothing.
+///
+/// ```
+/// use motorium_control::inverse_dynamics::tasks::RollingAcceleration;
+/// use motorium_robots::load;
+/// use nalgebra::Vector3;
+///
+/// let robot = load("differential-drive", std::path::Path::new("."))?.model;
+/// let wheel = robot.frame("left_wheel_link")?;
+/// let rolling = RollingAcceleration::new(&robot, wheel, Vector3::y_axis(), 0.033, 20.0).weight(10.0);
+/// # let _ = rolling;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct RollingAcceleration {
+    frame: FrameId,
+    axis: Unit<Vector3<f64>>,
+    radius: f64,
+    normal: Unit<Vector3<f64>>,
+    rate: f64,
+    weight: f64,
+    jacobian: Matrix6xX<f64>,
+    cost: Cost,
+}
+
+impl RollingAcceleration {
+    /// A task for the wheel whose centre is the origin of `frame`, with its axis in the axes of the frame and its radius \[m\], on
+    /// level ground, with weight 1; what slips comes to rest at `rate` \[1/s\].
+    pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, radius: f64, rate: f64) -> Self {
+        Self {
+            frame,
+            axis,
+            radius,
+            normal: Vector3::z_axis(),
+            rate,
+            weight: 1.0,
+            jacobian: Matrix6xX::zeros(model.nv()),
+            cost: Cost::dense(3, 0, model.nv()),
+        }
+    }
+
+    /// The same task on ground with another normal, world axes.
+    #[must_use]
+    pub fn on(mut self, normal: Unit<Vector3<f64>>) -> Self {
+        self.normal = normal;
+        self
+    }
+
+    /// The same task with a weight \[1/(m/s2)\].
+    #[must_use]
+    pub fn weight(mut self, weight: f64) -> Self {
+        self.weight = weight;
+        self
+    }
+
+    /// Changes the weight \[1/(m/s2)\] from the next update on.
+    pub fn set_weight(&mut self, weight: f64) {
+        self.weight = weight;
+    }
+}
+
+impl AccelerationTask for RollingAcceleration {
+    fn update(&mut self, state: &MotionState<'_>, _: &InverseDynamics) {
+        let MotionState { model, kinematics, .. } = *state;
+        let axis = kinematics.pose(model, self.frame).rotation * self.axis.into_inner();
+        let Some((up, length)) = way_to_ground(&axis, &self.normal) else {
+            self.cost.weights_mut().fill(0.0);
+            return;
+        };
+        let moving = kinematics.velocity(model, self.frame);
+        let drift = kinematics.acceleration(model, self.frame);
+        let contact = -up * self.radius;
+        let turning = moving.angular.cross(&axis);
+        let across = -turning * axis.dot(&self.normal) - axis * turning.dot(&self.normal);
+        let contact_rate = -(across - up * up.dot(&across)) * (self.radius / length);
+        let slip = moving.linear + moving.angular.cross(&contact);
+        let drift = drift.linear + drift.angular.cross(&contact) + moving.angular.cross(&contact_rate);
+        self.cost.desired_mut().copy_from(&(-slip * self.rate - drift));
+        self.cost.weights_mut().fill(self.weight);
+        kinematics.jacobian(model, self.frame, Reference::LocalWorldAligned, &mut self.jacobian);
+        for (mut row, frame) in self.cost.matrix_mut().column_iter_mut().zip(self.jacobian.column_iter()) {
+            let (linear, angular) = (frame.fixed_rows::<3>(0), frame.fixed_rows::<3>(3));
+            row.copy_from(&(linear + angular.cross(&contact)));
+        }
+    }
+
+    fn cost(&self) -> &Cost {
+        &self.cost
+    }
+}

@@ -1,0 +1,159 @@
+//! Links that keep their distance from objects of the world, standing and moving, in a graph in lockstep.
+
+use std::path::Path;
+
+use motorium::launcher::Report;
+use motorium::state::ObjectPoses;
+use motorium::testing::{Graph, Source};
+use motorium_robots::{CollisionModel, CollisionOptions, Collisions, Geometry, Kinematics, MeshMode, load};
+use nalgebra::{Isometry3, Vector3};
+
+use crate::component::number;
+use crate::graph::{Targets, controller, graph, run};
+
+/// Radius of the ball that stands in the way, m.
+const RADIUS: f64 = 0.08;
+/// Way of the hand from home into the middle of the ball, m.
+const INTO: [f64; 3] = [0.0, 0.25, 0.0];
+
+/// The middle of the ball: where the hand is to go.
+fn middle() -> Vector3<f64> {
+    let panda = load("panda", Path::new(".")).unwrap();
+    let mut kinematics = Kinematics::new(&panda.model);
+    kinematics.update(&panda.model, panda.profile.unwrap().home(&panda.model).unwrap().as_slice());
+    let hand = panda.model.frame("panda_hand_tcp").unwrap();
+    kinematics.pose(&panda.model, hand).translation.vector + Vector3::from(INTO)
+}
+
+/// The world with the ball at a place; with a mass it moves.
+fn world(at: Vector3<f64>, mass: &str) -> String {
+    let Vector3 { x, y, z, .. } = at;
+    format!(
+        "world = {{ objects = [{{ name = \"ball\", shape = {{ sphere = {{ radius = {RADIUS} }} }}, position = [{x}, {y}, {z}] {mass} }}] }}"
+    )
+}
+
+/// A Panda that is to reach into the middle of the ball.
+fn reaching(config: &str) -> Graph {
+    graph("{}", Targets { offsets: vec![INTO], ..Targets::default() }, controller(config))
+}
+
+/// Distance of the robot, as it ended, from a ball at its place, m.
+fn distance(report: &Report) -> f64 {
+    let panda = load("panda", Path::new(".")).unwrap().model;
+    let q: Vec<f64> = (0..8).map(|joint| number(&report.results["plant"]["q"][joint])).collect();
+    let mut kinematics = Kinematics::new(&panda);
+    kinematics.update(&panda, &q);
+    let options = CollisionOptions { self_collision: false, ..CollisionOptions::default() };
+    let mut solids = CollisionModel::new(&panda, &options).unwrap();
+    let at = Isometry3::from(middle());
+    solids.add_obstacle("ball", at, Geometry::Sphere { radius: RADIUS }, MeshMode::default()).unwrap();
+    let mut workspace = Collisions::new(&solids);
+    workspace.update(&solids, &kinematics);
+    workspace.nearest(&solids).unwrap().distance
+}
+
+#[track_caller]
+fn checked(report: Report) -> Report {
+    let component = report.components.iter().find(|component| component.name == "controller").unwrap();
+    assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
+    assert_eq!(report.results["controller"]["steps_without_solution"], 0, "{}", report.results["controller"]);
+    report
+}
+
+#[track_caller]
+fn refused(config: &str, words: &[&str]) {
+    let error = reaching(config).check().expect_err("it must be refused").render(false);
+    for word in words {
+        assert!(error.contains(word), "no `{word}` in\n{error}");
+    }
+}
+
+const LIMIT: &str = "limits = { collision = { distance = 0.03, objects = [\"ball\"] } }";
+
+#[test]
+fn an_arm_keeps_its_distance_from_a_ball_that_stands_in_its_way_by_velocities_and_by_torques() {
+    let ball = world(middle(), "");
+    for level in ["", "inverse_dynamics = {},"] {
+        let through = distance(&checked(run(reaching(&format!("{{ {level} {ball} }}")))));
+        assert!(through < -0.05, "{level} without the limit: {through}");
+        let kept = distance(&checked(run(reaching(&format!("{{ {level} {ball}, {LIMIT} }}")))));
+        assert!((0.028..0.05).contains(&kept), "{level} {kept}");
+    }
+}
+
+#[test]
+fn an_arm_keeps_its_distance_from_where_a_ball_is_and_not_from_where_it_was() {
+    let objects = |at: Vector3<f64>| {
+        Source::new("objects", "world/objects", move |_| {
+            let mut poses = ObjectPoses::default();
+            poses.set_count(1);
+            poses.position_x_mut()[0] = at.x;
+            poses.position_y_mut()[0] = at.y;
+            poses.position_z_mut()[0] = at.z;
+            poses.orientation_w_mut()[0] = 1.0;
+            Some(poses)
+        })
+    };
+    let far = middle() + Vector3::new(0.0, 2.0, 0.0);
+    let ended = |level: &str, start: Vector3<f64>, now: Vector3<f64>| {
+        let config = format!("{{ {level} {}, {LIMIT} }}", world(start, ", mass = 1.0"));
+        let targets = Targets { offsets: vec![INTO], ..Targets::default() };
+        let controller = controller(&config).subscribe("object_poses", "world/objects");
+        distance(&checked(run(graph("{}", targets, controller).with(objects(now)))))
+    };
+    for level in ["", "inverse_dynamics = {},"] {
+        let rolled_in = ended(level, far, middle());
+        assert!((0.028..0.05).contains(&rolled_in), "{level} {rolled_in}");
+        let rolled_away = ended(level, middle(), far);
+        assert!(rolled_away < -0.05, "{level} {rolled_away}");
+    }
+    // limits that give way know of it, too
+    let soft = format!(
+        "{{ {}, tasks = [{{ cartesian = {{ level = 2 }} }}, {{ limit = {{ level = 1, collision = {{ objects = \"all\" }} }} }}, {{ posture = {{ level = 3 }} }}] }}",
+        world(far, ", mass = 1.0")
+    );
+    let targets = Targets { offsets: vec![INTO], ..Targets::default() };
+    let controller = controller(&soft).subscribe("object_poses", "world/objects");
+    let kept = distance(&checked(run(graph("{}", targets, controller).with(objects(middle())))));
+    assert!((0.018..0.05).contains(&kept), "{kept}");
+}
+
+#[test]
+fn the_ground_of_the_world_is_kept_away_from() {
+    let down = || Targets { offsets: vec![[0.0, 0.0, -0.25]], ..Targets::default() };
+    let with = |collision: &str| {
+        let ignored = "ignore = [[\"panda_link1\", \"ground\"], [\"panda_link2\", \"ground\"]]";
+        let config = format!(
+            "{{ world = {{ ground = {{ height = 0.3 }} }}, limits = {{ collision = {{ {collision} {ignored} }} }} }}"
+        );
+        checked(run(graph("{}", down(), controller(&config)))).state_hash
+    };
+    assert_eq!(with("ground = \"world\","), with("ground = 0.3,"));
+    assert_ne!(with("ground = \"world\","), with("ground = 0.1,"));
+}
+
+#[test]
+fn objects_and_grounds_that_are_not_there_or_in_the_way_at_home_are_refused() {
+    let ball = world(middle(), "");
+    let limit = |keys: &str| format!("{{ {ball}, limits = {{ collision = {{ {keys} }} }} }}");
+    refused(&limit("objects = [\"bal\"]"), &["limits.collision.objects", "no object `bal`", "`ball`"]);
+    refused(&limit("objects = \"some\""), &["list of names of objects", "all"]);
+    refused(&limit("ground = \"world\""), &["limits.collision.ground", "no ground", "height"]);
+    refused(&limit("ground = \"sea\""), &["height of the ground", "world"]);
+    refused(
+        "{ limits = { collision = { objects = \"all\" } } }",
+        &["limits.collision.objects", "has no objects", "[world]"],
+    );
+    refused(
+        &limit("objects = \"all\", ignore = [[\"panda_link1\", \"table\"]]"),
+        &["limits.collision.ignore", "table", "one of the `objects`"],
+    );
+    let near = world(middle() - Vector3::from(INTO), "");
+    refused(
+        &format!("{{ {near}, {LIMIT} }}"),
+        &["limits.collision.objects", "nearer than 0.03 m to `ball` at home", "ignore = [["],
+    );
+    refused(&format!("{{ {}, {LIMIT} }}", world(middle(), ", mass = 1.0")), &["object_poses"]);
+    refused(&format!("{{ {}, {LIMIT} }}", world(middle(), ", mass = -1.0")), &["world", "ball", "mass"]);
+}
