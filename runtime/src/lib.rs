@@ -13,7 +13,8 @@
 //! | [`units`], [`severity`], [`nearest`], [`state`], [`telemetry`] | plain types: time spans, state buffers, histograms |
 //! | [`declare`], [`plan`] | the declaration of a component; the checked plan that all processes of a run read |
 //! | [`os`], [`region`] | system calls; the control block of a run |
-//! | [`transport`], [`run_folder`] | topics and parameters; the folder of a run in shared memory |
+//! | `context`, `domain` | the clock, causality and deferred work of a component; the iceoryx2 domain of a run |
+//! | `parameter`, [`transport`], [`run_folder`] | parameters; topics; the folder of a run in shared memory |
 //! | [`component`] | the trait `Component` and what it is configured with |
 //! | [`safety`] | the check of every command before it is applied |
 //! | [`worker`] | the loop of a component |
@@ -32,7 +33,9 @@
 
 mod atomics;
 pub mod component;
+mod context;
 pub mod declare;
+mod domain;
 #[cfg(feature = "launcher")]
 pub mod graph;
 #[cfg(feature = "launcher")]
@@ -41,6 +44,7 @@ pub mod launcher;
 mod model;
 pub mod nearest;
 pub mod os;
+mod parameter;
 pub mod plan;
 pub mod prelude;
 pub mod program;

@@ -125,7 +125,7 @@ fn guard(folder: &RunFolder) -> ExitCode {
 
 /// Frees the places of the dead processes of a run.
 pub fn clean(folder: &RunFolder) -> ExitCode {
-    crate::transport::quieten();
+    crate::domain::quieten();
     match folder.domain() {
         Ok(domain) => {
             domain.clean();
@@ -178,7 +178,7 @@ pub fn run_worker(
     component: &str,
     kinds: impl Fn(&crate::plan::ComponentPlan) -> Option<Kind>,
 ) -> ExitCode {
-    crate::transport::quieten();
+    crate::domain::quieten();
     let worker = match Worker::open(folder.clone(), component) {
         Ok(worker) => worker,
         Err(error) => {

@@ -3,8 +3,8 @@
 use std::rc::Rc;
 
 use super::{ConfigureError, Setup};
+use crate::context::Context;
 use crate::region::CHECKPOINT_BYTES;
-use crate::transport::Context;
 
 impl Setup {
     /// Memory for numbers that outlives a crash of this component.

@@ -3,9 +3,9 @@
 use std::rc::Rc;
 
 use super::Tick;
+use crate::context::Context;
 use crate::declare::ClockKind;
 use crate::region::Command;
-use crate::transport::Context;
 
 /// The clock of a run: the present on the clock of [`Tick::time_ns`], and that of stamps.
 ///

@@ -18,7 +18,7 @@ mod setup;
 mod weights;
 
 pub use crate::declare::{ConfigError, Declare, StepError};
-pub use crate::transport::{Choice, Parameter, ParameterArray};
+pub use crate::parameter::{Choice, Parameter, ParameterArray};
 pub use checkpoint::Checkpoint;
 pub use clock::RunClock;
 pub use error::ConfigureError;

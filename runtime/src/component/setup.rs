@@ -5,17 +5,17 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::Duration;
 
-use iceoryx2::node::Node;
-
 use super::{ConfigureError, Helpers, RunClock};
+use crate::context::Context;
 use crate::declare::{ParameterKind, RobotReference, TopicPattern};
+use crate::domain::Domain;
+use crate::parameter::{AnyParameter, FoundParameter, Parameter, ParameterArray, ParameterReader};
 use crate::plan::{Activation, ClockKind, ComponentPlan, Plan, PortPlan, STOP_WITHIN_NS};
 use crate::run_folder::RunFolder;
 use crate::state::{StateBuffer, TypeLayout};
 use crate::transport::{
-    AnyParameter, Connect, Context, Domain, FoundParameter, Input, InputPlace, Output, Parameter,
-    ParameterArray, ParameterReader, PortError, Probe, RawInput, RawOutput, Shared, SliceInput, SliceOutput,
-    Trigger, open_trigger,
+    Connect, Input, InputPlace, Output, OutputPlace, Participant, PortError, Probe, RawInput, RawOutput,
+    SliceInput, SliceOutput, Trigger,
 };
 
 /// The set-up of one component: it opens the ports and parameters that the component declared.
@@ -46,8 +46,7 @@ pub struct Setup {
     index: usize,
     run: RunFolder,
     domain: Domain,
-    node: Node<Shared>,
-    context: Rc<Context>,
+    participant: Participant,
     parameters: ParameterReader,
     ports: Vec<Rc<dyn Connect>>,
     trigger: Option<Trigger>,
@@ -73,12 +72,14 @@ impl Setup {
         context: Rc<Context>,
     ) -> Result<Self, String> {
         let domain = folder.domain().map_err(|error| error.to_string())?;
-        let node = domain.node().map_err(|error| error.to_string())?;
+        let node = Rc::new(domain.node().map_err(|error| error.to_string())?);
+        let participant = Participant::new(node, context);
         let component = &plan.components[index];
-        let parameters = ParameterReader::open(&node, component).map_err(|error| error.to_string())?;
+        let parameters = ParameterReader::open(participant.node(), component);
+        let parameters = parameters.map_err(|error| error.to_string())?;
         let trigger = match (plan.clock, &component.activation) {
             (ClockKind::Realtime, Activation::Triggered { topic, .. }) => {
-                Some(open_trigger(&node, &plan.topics[*topic], &context).map_err(|error| error.to_string())?)
+                Some(participant.trigger(&plan.topics[*topic]).map_err(|error| error.to_string())?)
             }
             _ => None,
         };
@@ -88,8 +89,7 @@ impl Setup {
             index,
             run: folder.clone(),
             domain,
-            node,
-            context,
+            participant,
             parameters,
             ports: Vec::new(),
             trigger,
@@ -112,7 +112,7 @@ impl Setup {
     }
 
     pub(crate) fn context(&self) -> &Rc<Context> {
-        &self.context
+        self.participant.context()
     }
 
     fn component(&self) -> &ComponentPlan {
@@ -146,7 +146,7 @@ impl Setup {
 
     /// The clock of the run.
     pub fn clock(&self) -> RunClock {
-        RunClock::new(self.context.clone())
+        RunClock::new(self.context().clone())
     }
 
     /// The folder in which relative paths of the `config` table start, as
@@ -168,9 +168,9 @@ impl Setup {
         let (index, plan) = find(&self.component().inputs, port)?;
         same_type(&T::layout(), plan)?;
         let Some(place) = self.input_place(index, plan) else {
-            return Ok(Input::unwired(self.context.clone()));
+            return Ok(Input::unwired(self.context().clone()));
         };
-        let input = Input::<T>::open(&self.node, place, self.context.clone())?;
+        let input = Input::<T>::open(&self.participant, &place)?;
         self.ports.extend(input.connection());
         Ok(input)
     }
@@ -188,9 +188,9 @@ impl Setup {
         let (index, plan) = find(&self.component().inputs, port)?;
         same_type(&T::layout(), plan)?;
         let Some(place) = self.input_place(index, plan) else {
-            return Ok(SliceInput::unwired(self.context.clone()));
+            return Ok(SliceInput::unwired(self.context().clone()));
         };
-        let input = SliceInput::<T>::open(&self.node, place, self.context.clone())?;
+        let input = SliceInput::<T>::open(&self.participant, &place)?;
         self.ports.extend(input.connection());
         Ok(input)
     }
@@ -207,12 +207,10 @@ impl Setup {
                 TopicPattern::Slices { longest, .. } => longest,
                 TopicPattern::State | TopicPattern::Stream { .. } => 0,
             };
-            return Ok(SliceOutput::unwired(port, longest, self.context.clone()));
+            return Ok(SliceOutput::unwired(port, longest, self.context().clone()));
         };
-        let wired = (topic, &self.plan.topics[topic]);
-        let output =
-            SliceOutput::<T>::open(&self.node, wired, port, self.probes(index), self.context.clone())?
-                .ending_steps(self.plan.stays_on_core(topic));
+        let place = self.output_place(index, topic);
+        let output = SliceOutput::<T>::open(&self.participant, place, port)?;
         self.ports.extend(output.connection());
         Ok(output)
     }
@@ -224,9 +222,9 @@ impl Setup {
     pub fn raw_input(&mut self, port: &str) -> Result<RawInput, PortError> {
         let (index, plan) = find(&self.component().inputs, port)?;
         let Some(place) = self.input_place(index, plan) else {
-            return Ok(RawInput::unwired(self.context.clone()));
+            return Ok(RawInput::unwired(self.context().clone()));
         };
-        let input = RawInput::open(&self.node, place, self.context.clone())?;
+        let input = RawInput::open(&self.participant, &place)?;
         self.ports.extend(input.connection());
         Ok(input)
     }
@@ -237,10 +235,8 @@ impl Setup {
     /// It is not declared, its layout cannot be checked, or its topic cannot be joined.
     pub fn raw_output(&mut self, port: &str) -> Result<RawOutput, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
-        let Some(topic) = plan.topic else { return RawOutput::unwired(plan, self.context.clone()) };
-        let wired = (topic, &self.plan.topics[topic]);
-        let output = RawOutput::open(&self.node, wired, plan, self.probes(index), self.context.clone())?;
-        Ok(output.ending_steps(self.plan.stays_on_core(topic)))
+        let Some(topic) = plan.topic else { return RawOutput::unwired(plan, self.context().clone()) };
+        RawOutput::open(&self.participant, self.output_place(index, topic), plan)
     }
 
     /// The iceoryx2 domain of the run: for components that meet programs outside of the graph in services of their own.
@@ -261,13 +257,15 @@ impl Setup {
         })
     }
 
-    /// The latency budgets that end at an output.
-    fn probes(&self, output: usize) -> Vec<Probe> {
+    /// The place of an output in the graph that is wired to the topic of index `topic`.
+    fn output_place(&self, output: usize, topic: usize) -> OutputPlace<'_> {
         let budgets = self.plan.latencies.iter().enumerate();
-        budgets
+        let probes = budgets
             .filter(|(_, latency)| latency.component == self.index && latency.output == output)
             .map(|(i, latency)| Probe { index: i, max_ns: latency.max_ns, on_miss: latency.on_miss })
-            .collect()
+            .collect();
+        let wakes_late = self.plan.stays_on_core(topic);
+        OutputPlace { index: topic, topic: &self.plan.topics[topic], probes, wakes_late }
     }
 
     /// Opens a declared output.
@@ -277,11 +275,8 @@ impl Setup {
     pub fn output<T: StateBuffer>(&mut self, port: &'static str) -> Result<Output<T>, PortError> {
         let (index, plan) = find(&self.component().outputs, port)?;
         same_type(&T::layout(), plan)?;
-        let Some(topic) = plan.topic else { return Ok(Output::unwired(port, self.context.clone())) };
-        let probes = self.probes(index);
-        let topic = (topic, &self.plan.topics[topic]);
-        let output = Output::<T>::open(&self.node, topic, port, probes, self.context.clone())?
-            .ending_steps(self.plan.stays_on_core(topic.0));
+        let Some(topic) = plan.topic else { return Ok(Output::unwired(port, self.context().clone())) };
+        let output = Output::<T>::open(&self.participant, self.output_place(index, topic), port)?;
         self.ports.extend(output.connection());
         Ok(output)
     }
@@ -331,7 +326,7 @@ impl Setup {
     /// [`may_end_episodes`](crate::declare::Declare::may_end_episodes); `None` unless the graph says
     /// `ends_episode = true`.
     pub fn episode_end(&self) -> Option<EpisodeEnd> {
-        self.component().ends_episode.then(|| EpisodeEnd { context: self.context.clone() })
+        self.component().ends_episode.then(|| EpisodeEnd { context: self.context().clone() })
     }
 }
 

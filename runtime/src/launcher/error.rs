@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
+use crate::domain::{DomainError, ServiceError};
 use crate::run_folder::RunFolderError;
-use crate::transport::{DomainError, PortError};
+use crate::transport::PortError;
 
 /// Error of a launch.
 #[derive(Debug, thiserror::Error)]
@@ -17,6 +18,9 @@ pub enum LaunchError {
     /// A topic or parameter could not be made.
     #[error(transparent)]
     Port(#[from] PortError),
+    /// The service of a topic or of parameters could not be made.
+    #[error(transparent)]
+    Service(#[from] ServiceError),
     /// A process could not be started.
     #[error("component `{name}`: {program} could not be started: {reason}")]
     Start {

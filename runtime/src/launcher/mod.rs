@@ -115,7 +115,7 @@ impl Launch {
         options: &Options,
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Result<(Self, Option<Exit>), LaunchError> {
-        crate::transport::quieten();
+        crate::domain::quieten();
         options.check(&plan)?;
         reserve::check(&plan, options.hosting)?;
         if let Some(core) = options.core.filter(|_| plan.clock == ClockKind::Lockstep) {

@@ -12,13 +12,13 @@ use rustix::fs::{FallocateFlags, fallocate, ftruncate};
 use rustix::process::Resource;
 
 use super::{Hosting, LaunchError};
+use crate::domain::SHARED_MEMORY;
 use crate::os::{
     Room, amount, is_bound_by_process_limit, open_descriptors, process_limit, raise_limit,
     threads_of_this_user,
 };
 use crate::plan::Plan;
 use crate::run_folder::RunFolder;
-use crate::transport::SHARED_MEMORY;
 
 /// Kept for the services of a topic and of a component's parameters, bytes: what iceoryx2 writes about each.
 const SERVICE: u64 = 48 * 1024;

@@ -6,9 +6,11 @@ use iceoryx2::node::Node;
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable as _;
 
 use super::LaunchError;
+use crate::domain::Shared;
+use crate::parameter::ParameterService;
 use crate::plan::Plan;
 use crate::run_folder::RunFolder;
-use crate::transport::{ParameterService, Shared, TopicMemory, TopicService};
+use crate::transport::{TopicMemory, TopicService};
 
 /// Everything in shared memory that must outlive the components.
 #[derive(Default)]

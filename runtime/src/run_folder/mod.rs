@@ -10,10 +10,10 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use crate::domain::{Domain, DomainError};
 use crate::os::{Lock, is_held, random_bytes};
 use crate::plan::Plan;
 use crate::region::{Region, RegionError};
-use crate::transport::{Domain, DomainError};
 
 /// A folder without a holder that is younger than this may be one that is just being made.
 const YOUNG: Duration = Duration::from_secs(5);

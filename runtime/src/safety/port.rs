@@ -9,11 +9,12 @@ use super::gate::{Gate, GateSettings, Measured, Offer, Verdict};
 use super::group::Group;
 use super::limits::{JointLimits, JointSetpoint};
 use crate::component::{ConfigureError, Setup};
+use crate::context::Context;
 use crate::os::{boottime_ns, monotonic_ns};
 use crate::plan::EMERGENCY_STOP_PORT;
 use crate::region::{Command, GateState, Latch, MissCause};
 use crate::state::{EmergencyStop, JointCommand, MAX_JOINTS, Stamp};
-use crate::transport::{Context, Input};
+use crate::transport::Input;
 
 /// The gate through which the commands of an actuator pass, at every step.
 ///

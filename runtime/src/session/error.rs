@@ -1,7 +1,8 @@
 //! The error of a session.
 
 use crate::launcher::{Exit, LaunchError};
-use crate::transport::{ParameterError, PortError};
+use crate::parameter::ParameterError;
+use crate::transport::PortError;
 
 /// The error of driving a run.
 #[derive(Debug, thiserror::Error)]

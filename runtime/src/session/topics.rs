@@ -6,6 +6,7 @@ use std::rc::Rc;
 use iceoryx2::node::Node;
 
 use super::{Session, SessionError};
+use crate::context::Context;
 use crate::declare::TopicPattern;
 use crate::launcher::LaunchError;
 use crate::nearest::suggest;
@@ -13,7 +14,7 @@ use crate::os::Lock;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer};
 use crate::transport::latest::{StateReader, TopicMemory};
-use crate::transport::{Context, Output, Shared, Tap, first_place};
+use crate::transport::{Output, OutputPlace, Participant, Shared, Tap, first_place};
 
 /// A value of a topic as it was when the session read it.
 ///
@@ -35,7 +36,7 @@ pub struct Value<T> {
 /// The ports of a session, opened when they are first used.
 #[derive(Default)]
 pub(super) struct Ports {
-    node: Option<Node<Shared>>,
+    node: Option<Rc<Node<Shared>>>,
     readers: Vec<(usize, StateReader, Lock)>,
     writers: Vec<(usize, Box<dyn Any>, Rc<Context>)>,
 }
@@ -169,7 +170,7 @@ impl Session<'_> {
     fn join(&mut self) -> Result<(), SessionError> {
         if self.ports.node.is_none() {
             let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
-            self.ports.node = Some(domain.node().map_err(LaunchError::from)?);
+            self.ports.node = Some(Rc::new(domain.node().map_err(LaunchError::from)?));
         }
         Ok(())
     }
@@ -203,8 +204,9 @@ impl Session<'_> {
             return Err(SessionError::NotOurs { topic: topic.name.clone(), writer: writer.clone() });
         }
         let context = Rc::new(Context::new(plan, topic.writer, self.launch.region().clone()));
-        let output = Output::<T>::open(node, (index, topic), "the session", Vec::new(), context.clone())?;
-        let output = output.ending_steps(false);
+        let participant = Participant::new(node.clone(), context.clone());
+        let place = OutputPlace { index, topic, probes: Vec::new(), wakes_late: false };
+        let output = Output::<T>::open(&participant, place, "the session")?;
         if let Some(port) = output.connection() {
             let refused = |reason| SessionError::Topic { topic: topic.name.clone(), reason };
             port.connect().map_err(refused)?;

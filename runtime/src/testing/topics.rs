@@ -5,13 +5,14 @@ use std::rc::Rc;
 
 use iceoryx2::node::Node;
 
+use crate::context::Context;
 use crate::plan::{Activation, Plan, PortPlan};
 use crate::region::Region;
 use crate::run_folder::{RunFolder, RunFolderError};
 use crate::state::StateBuffer;
 use crate::transport::{
-    Context, Domain, DomainError, Input, InputPlace, Output, PortError, Shared, TopicService, Trigger,
-    open_trigger, quieten,
+    DomainError, Input, InputPlace, Output, OutputPlace, Participant, PortError, Shared, TopicService,
+    Trigger, quieten,
 };
 
 /// The topics of a plan in shared memory, without a launcher and without components. A thread or a process joins as
@@ -84,8 +85,7 @@ impl Drop for TopicSet {
 pub struct Endpoint {
     plan: Plan,
     index: usize,
-    node: Node<Shared>,
-    context: Rc<Context>,
+    participant: Participant,
 }
 
 impl Endpoint {
@@ -98,14 +98,13 @@ impl Endpoint {
         let folder = RunFolder::open(path);
         let plan = folder.plan()?;
         let region = Rc::new(folder.region()?);
-        let domain: Domain = folder.domain()?;
         let index = plan
             .components
             .iter()
             .position(|candidate| candidate.name == component)
             .ok_or_else(|| TopicSetError::NoComponent(component.to_string()))?;
         let context = Rc::new(Context::new(&plan, index, region));
-        Ok(Self { node: domain.node()?, index, context, plan })
+        Ok(Self { participant: Participant::new(Rc::new(folder.domain()?.node()?), context), index, plan })
     }
 
     /// Opens an input of the component.
@@ -115,7 +114,7 @@ impl Endpoint {
     pub fn input<T: StateBuffer>(&self, port: &str) -> Result<Input<T>, TopicSetError> {
         let component = &self.plan.components[self.index];
         let Some(topic) = wired(&component.inputs, port)? else {
-            return Ok(Input::unwired(self.context.clone()));
+            return Ok(Input::unwired(self.participant.context().clone()));
         };
         let input = component.inputs.iter().position(|input| input.port == port).unwrap_or_default();
         let place = InputPlace {
@@ -126,7 +125,7 @@ impl Endpoint {
             is_cause: false,
             edge: None,
         };
-        Ok(Input::open(&self.node, place, self.context.clone())?)
+        Ok(Input::open(&self.participant, &place)?)
     }
 
     /// Opens an output of the component.
@@ -136,10 +135,11 @@ impl Endpoint {
     pub fn output<T: StateBuffer>(&self, port: &'static str) -> Result<Output<T>, TopicSetError> {
         let component = &self.plan.components[self.index];
         let Some(topic) = wired(&component.outputs, port)? else {
-            return Ok(Output::unwired(port, self.context.clone()));
+            return Ok(Output::unwired(port, self.participant.context().clone()));
         };
-        let topic = (topic, &self.plan.topics[topic]);
-        Ok(Output::open(&self.node, topic, port, Vec::new(), self.context.clone())?)
+        let plan = &self.plan.topics[topic];
+        let place = OutputPlace { index: topic, topic: plan, probes: Vec::new(), wakes_late: false };
+        Ok(Output::open(&self.participant, place, port)?)
     }
 
     /// Opens the trigger of the component.
@@ -149,9 +149,7 @@ impl Endpoint {
     pub fn trigger(&self) -> Result<Trigger, TopicSetError> {
         let component = &self.plan.components[self.index];
         match component.activation {
-            Activation::Triggered { topic, .. } => {
-                Ok(open_trigger(&self.node, &self.plan.topics[topic], &self.context)?)
-            }
+            Activation::Triggered { topic, .. } => Ok(self.participant.trigger(&self.plan.topics[topic])?),
             Activation::Periodic { .. } | Activation::Descriptor { .. } => {
                 Err(TopicSetError::NoTrigger(component.name.clone()))
             }

@@ -1,17 +1,14 @@
 //! The reading side of a topic.
 
 use std::rc::Rc;
-use std::sync::atomic::Ordering::Relaxed;
-
-use iceoryx2::node::Node;
 
 use super::latest::{StateReader, TopicMemory};
-use super::stream::{StreamReader, Taken};
-use super::topic::{refused, same_layout};
-use super::{Connect, Context, PortError, Shared};
+use super::reading::Effects;
+use super::stream::StreamReader;
+use super::topic::{open, refused, same_layout};
+use super::{Connect, InputPlace, Participant, PortError};
+use crate::context::Context;
 use crate::declare::TopicPattern;
-use crate::plan::TopicPlan;
-use crate::region::add;
 use crate::state::{Stamp, StateBuffer};
 
 /// An input port: reads one topic in place.
@@ -34,12 +31,7 @@ use crate::state::{Stamp, StateBuffer};
 #[derive(Debug)]
 pub struct Input<T: StateBuffer> {
     source: Source<T>,
-    context: Rc<Context>,
-    /// True if outputs of the step propagate this input's source time.
-    is_cause: bool,
-    /// Index of the edge from the topic to this component.
-    edge: Option<usize>,
-    lost: u64,
+    effects: Effects,
 }
 
 /// The memory that an input reads.
@@ -49,13 +41,9 @@ enum Source<T: StateBuffer> {
     State(StateReader),
     Stream {
         queue: Box<StreamReader<T>>,
-        /// Index of the topic.
-        topic: usize,
         memory: Rc<TopicMemory>,
         /// Number of the newest publication at the last look.
         seen: u64,
-        /// The episode of that look.
-        era: u32,
     },
 }
 
@@ -95,49 +83,27 @@ impl<T: StateBuffer> Reading<'_, T> {
     }
 }
 
-/// The place of an input in the graph.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct InputPlace<'a> {
-    /// Index of the topic.
-    pub(crate) index: usize,
-    pub(crate) topic: &'a TopicPlan,
-    /// Name of the port.
-    pub(crate) port: &'a str,
-    /// Number of the port among the readers of the topic.
-    pub(crate) pin: usize,
-    pub(crate) is_cause: bool,
-    /// Index of the edge from the topic to the component, if its ages are recorded.
-    pub(crate) edge: Option<usize>,
-}
-
 impl<T: StateBuffer> Input<T> {
     pub(crate) fn unwired(context: Rc<Context>) -> Self {
-        Self { source: Source::Unwired, context, is_cause: false, edge: None, lost: 0 }
+        Self { source: Source::Unwired, effects: Effects::none(context) }
     }
 
-    pub(crate) fn open(
-        node: &Node<Shared>,
-        place: InputPlace<'_>,
-        context: Rc<Context>,
-    ) -> Result<Self, PortError> {
-        let InputPlace { index, topic, port, pin, is_cause, edge } = place;
-        same_layout::<T>(topic, port)?;
-        let memory = context.memory(node, topic)?;
+    pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
+        let topic = place.topic;
+        same_layout::<T>(topic, place.port)?;
+        let memory = participant.memory(topic)?;
         let source = match topic.pattern {
-            TopicPattern::State => Source::State(StateReader::new(memory, pin)),
-            TopicPattern::Stream { .. } => Source::Stream {
-                queue: Box::new(StreamReader::open(node, topic, port)?),
-                topic: index,
-                era: memory.era(),
-                memory,
-                seen: 0,
-            },
+            TopicPattern::State => Source::State(StateReader::new(memory, place.pin)),
+            TopicPattern::Stream { .. } => {
+                let queue = Box::new(StreamReader::open(&open::<T>(participant, topic)?, place)?);
+                Source::Stream { queue, memory, seen: 0 }
+            }
             TopicPattern::Slices { .. } => {
                 let reason = &"it carries slices: open the port with `Setup::slice_input`";
                 return Err(refused(&topic.name, "opening a port for single values")(reason));
             }
         };
-        Ok(Self { source, context, is_cause, edge, lost: 0 })
+        Ok(Self { source, effects: Effects::new(participant, place) })
     }
 
     /// The connection to be made before the first step.
@@ -157,96 +123,89 @@ impl<T: StateBuffer> Input<T> {
     /// does not disturb the publisher.
     #[inline]
     pub fn has_news(&self) -> bool {
-        match &self.source {
-            Source::Unwired => false,
-            Source::State(state) => state.has_news(),
-            Source::Stream { memory, seen, era, .. } => {
-                memory.newest().number() != if *era == memory.era() { *seen } else { 0 }
-            }
-        }
+        let newest = match &self.source {
+            Source::Unwired => return false,
+            Source::State(state) => state.newest(),
+            Source::Stream { memory, .. } => memory.newest().number(),
+        };
+        let seen = match &self.source {
+            _ if !self.effects.is_of_this_episode() => 0,
+            Source::Unwired => 0,
+            Source::State(state) => state.seen(),
+            Source::Stream { seen, .. } => *seen,
+        };
+        newest != seen
     }
 
     /// The newest value, if anything was ever published. Reading a stream this way skips the values before.
     #[inline]
     pub fn latest(&mut self) -> Option<Reading<'_, T>> {
-        match &mut self.source {
-            Source::Unwired => return None,
-            Source::State(state) => {
-                if state.look()
-                    && let Some(edge) = self.edge
-                    && let Some((stamp, _)) = state.current::<T>()
-                {
-                    self.context.note_read(edge, stamp);
-                }
-            }
-            Source::Stream { .. } => while self.take() {},
-        }
+        while self.advance() && matches!(self.source, Source::Stream { .. }) {}
         self.read()
     }
 
     /// The next value that was not read, in order: of a stream the next in the queue, of a state the newest one if it
     /// is new.
     pub fn next_unread(&mut self) -> Option<Reading<'_, T>> {
-        let is_new = match &self.source {
-            Source::Unwired => false,
-            Source::State(state) => state.has_news(),
-            Source::Stream { .. } => self.take(),
-        };
-        if !is_new {
-            return None;
-        }
-        if matches!(self.source, Source::State(_)) { self.latest() } else { self.read() }
+        if self.advance() { self.read() } else { None }
     }
 
     /// The value read last, without looking for a newer one.
     #[inline]
     pub fn current(&self) -> Option<Reading<'_, T>> {
+        if !self.effects.is_of_this_episode() {
+            return None;
+        }
         let (stamp, payload) = match &self.source {
             Source::Unwired => return None,
             Source::State(state) => state.current()?,
-            Source::Stream { memory, era, .. } if *era != memory.era() => return None,
             Source::Stream { queue, .. } => queue.current()?,
         };
-        Some(Reading { stamp, payload, context: &self.context })
+        Some(Reading { stamp, payload, context: self.effects.context() })
     }
 
     /// Values of a stream that were overwritten before they were read.
     pub fn lost(&self) -> u64 {
-        self.lost
+        if let Source::Stream { queue, .. } = &self.source { queue.lost() } else { 0 }
     }
 
-    /// Takes the next valid value of a stream from its queue; whether there was one.
-    fn take(&mut self) -> bool {
-        let Source::Stream { queue, topic, memory, seen, era } = &mut self.source else { return false };
-        if *era != memory.era() {
-            *era = memory.era();
-            queue.forget();
-        }
-        *seen = memory.newest().number();
-        while let Some(taken) = queue.take() {
-            let Taken::Next { lost } = taken else {
-                add(&self.context.block().refused, 1);
-                continue;
-            };
-            if lost > 0 {
-                self.lost += lost;
-                self.context.region().topics()[*topic].dropped.fetch_add(lost, Relaxed);
+    /// Goes on to the next value: of a stream the next in the queue, of a state the newest. False if there is no new one.
+    #[inline]
+    fn advance(&mut self) -> bool {
+        let begins = self.effects.begins_episode();
+        let stamp = match &mut self.source {
+            Source::Unwired => return false,
+            Source::State(state) => {
+                if begins {
+                    state.begin_episode();
+                }
+                if !state.look() {
+                    return false;
+                }
+                state.current::<T>().map(|(stamp, _)| stamp)
             }
-            if let (Some(edge), Some((stamp, _))) = (self.edge, queue.current()) {
-                self.context.note_read(edge, stamp);
+            Source::Stream { queue, memory, seen } => {
+                if begins {
+                    queue.begin_episode();
+                }
+                *seen = memory.newest().number();
+                if !queue.take(self.effects.context()) {
+                    return false;
+                }
+                queue.current().map(|(stamp, _)| stamp)
             }
-            return true;
+        };
+        if let Some(stamp) = stamp {
+            self.effects.first_read(stamp);
         }
-        false
+        true
     }
 
     /// The current value, whose source time goes on to the outputs if this input is their cause.
     #[inline]
     fn read(&self) -> Option<Reading<'_, T>> {
         let reading = self.current()?;
-        if self.is_cause {
-            self.context.causality().propagate(reading.stamp);
-        }
+        self.effects.read(reading.stamp);
         Some(reading)
     }
 }

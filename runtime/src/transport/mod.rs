@@ -10,15 +10,14 @@
 //! value from outside of the graph. [`RawInput`] and [`RawOutput`] carry types known at run time only.
 //! [`Domain`] keeps runs apart; each topic is a service of it that `iox2` lists.
 
-mod context;
-mod domain;
 mod input;
 pub(crate) mod latest;
 mod output;
-mod parameter;
+mod participant;
+mod publication;
 mod raw_input;
 mod raw_output;
-mod stamping;
+mod reading;
 pub(crate) mod stream;
 mod tap;
 #[cfg(test)]
@@ -26,27 +25,21 @@ mod tests;
 mod topic;
 mod trigger;
 
-pub use context::Context;
-pub(crate) use context::Signals;
-pub use domain::{Domain, DomainError, SHARED_MEMORY};
-pub(crate) use input::InputPlace;
+pub use crate::domain::{Domain, DomainError, SHARED_MEMORY, ServiceError, Shared, quieten};
+pub use crate::parameter::{AnyParameter, Choice, Parameter, ParameterArray, ParameterError, ParameterTable};
 pub use input::{Input, Reading};
 pub(crate) use latest::TopicMemory;
-pub(crate) use output::{Connect, Probe};
 pub use output::{Loan, Output};
-pub use parameter::{AnyParameter, Choice, Parameter, ParameterArray, ParameterError, ParameterTable};
-pub(crate) use parameter::{FoundParameter, ParameterReader, ParameterService};
+pub(crate) use participant::Participant;
+pub(crate) use publication::{OutputPlace, Probe};
 pub use raw_input::{RawInput, RawReading};
 pub use raw_output::{RawError, RawOutput};
-pub use stream::{Shared, SliceInput, SliceLoan, SliceOutput};
+pub(crate) use reading::InputPlace;
+pub(crate) use stream::Connect;
+pub use stream::{SliceInput, SliceLoan, SliceOutput};
 pub(crate) use tap::first_place;
 pub use tap::{Sample, Tap};
 pub use topic::PortError;
-pub(crate) use topic::{TopicService, open_trigger, same_layout};
+pub(crate) use topic::{TopicService, same_layout};
 pub(crate) use trigger::SPIN_NS;
 pub use trigger::Trigger;
-
-/// Quietens iceoryx2's own log to what its user must know; its errors come back as values anyway.
-pub fn quieten() {
-    iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
-}

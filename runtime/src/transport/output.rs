@@ -4,38 +4,17 @@
 
 use core::cell::UnsafeCell;
 use core::ptr::NonNull;
-use std::cell::Cell;
 use std::rc::Rc;
-use std::sync::atomic::Ordering::Relaxed;
 
-use iceoryx2::node::Node;
-
-use super::context::AfterStep;
-use super::latest::{StateWriter, TopicMemory};
-use super::stamping::{source_time, stamp};
+use super::latest::StateWriter;
+use super::publication::TopicWriter;
 use super::stream::{Lent, StreamWriter};
 use super::topic::{refused, same_layout};
-use super::{Context, PortError, Shared};
+use super::{Connect, OutputPlace, Participant, PortError};
+use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};
-use crate::plan::{OnMiss, TopicPlan};
-use crate::region::{Command, add};
-use crate::state::{Digest, Stamp, StateBuffer};
-
-/// A port whose connections can be made before the first step.
-pub(crate) trait Connect {
-    fn connect(&self) -> Result<(), String>;
-
-    /// Drops what is left from the episode before.
-    fn begin_episode(&self) {}
-}
-
-/// A latency budget that ends at an output.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Probe {
-    pub(crate) index: usize,
-    pub(crate) max_ns: u64,
-    pub(crate) on_miss: OnMiss,
-}
+use crate::region::add;
+use crate::state::StateBuffer;
 
 /// An output port: the one writer of a topic. A value is filled where its readers will find it. Values published on an
 /// output that the graph leaves unwired are read by nobody.
@@ -56,7 +35,7 @@ pub(crate) struct Probe {
 pub struct Output<T: StateBuffer> {
     port: &'static str,
     sink: Sink<T>,
-    wired: Option<Wired>,
+    topic: Option<TopicWriter>,
     context: Rc<Context>,
 }
 
@@ -66,53 +45,6 @@ enum Sink<T: StateBuffer> {
     Unwired(Box<UnsafeCell<T>>),
     State(Rc<StateWriter>),
     Stream(StreamWriter<T>),
-}
-
-/// The rest of a wired output, the same for all types.
-#[derive(Debug)]
-pub(super) struct Wired {
-    topic: usize,
-    memory: Rc<TopicMemory>,
-    after: Rc<AfterOutput>,
-    /// True if the worker runs deferred work at the end of each step.
-    ends_steps: bool,
-    /// True if all components that the topic triggers run on this core, and so are woken at the end of the step.
-    wakes_late: bool,
-    probes: Vec<Probe>,
-    digest: Digest,
-}
-
-/// The work of one output at the end of a step.
-#[derive(Debug)]
-struct AfterOutput {
-    memory: Rc<TopicMemory>,
-    state: Option<Rc<StateWriter>>,
-    owes_wake: Cell<bool>,
-    owes_slot: Cell<bool>,
-}
-
-impl AfterStep for AfterOutput {
-    fn begin_episode(&self) {
-        self.owes_wake.set(false);
-        self.owes_slot.set(false);
-        if let Some(state) = &self.state {
-            state.begin_episode();
-        }
-    }
-
-    fn wake(&self) {
-        if self.owes_wake.take() {
-            self.memory.notify();
-        }
-    }
-
-    fn prepare(&self) {
-        if self.owes_slot.take()
-            && let Some(state) = &self.state
-        {
-            state.prepare();
-        }
-    }
 }
 
 /// A value to fill in place and publish. Dropping it publishes nothing.
@@ -127,41 +59,30 @@ pub struct Loan<'a, T: StateBuffer> {
 
 impl<T: StateBuffer> Output<T> {
     pub(crate) fn unwired(port: &'static str, context: Rc<Context>) -> Self {
-        Self { port, sink: Sink::Unwired(Box::new(UnsafeCell::new(T::ZERO))), wired: None, context }
+        Self { port, sink: Sink::Unwired(Box::new(UnsafeCell::new(T::ZERO))), topic: None, context }
     }
 
     pub(crate) fn open(
-        node: &Node<Shared>,
-        topic: (usize, &TopicPlan),
+        participant: &Participant,
+        place: OutputPlace<'_>,
         port: &'static str,
-        probes: Vec<Probe>,
-        context: Rc<Context>,
     ) -> Result<Self, PortError> {
-        let (index, topic) = topic;
+        let topic = place.topic;
         same_layout::<T>(topic, port)?;
-        let memory = context.memory(node, topic)?;
+        let memory = participant.memory(topic)?;
         let (sink, state) = match topic.pattern {
             TopicPattern::State => {
                 let state = Rc::new(StateWriter::new(memory.clone()));
                 (Sink::State(state.clone()), Some(state))
             }
-            TopicPattern::Stream { .. } => (Sink::Stream(StreamWriter::open(node, topic, port)?), None),
+            TopicPattern::Stream { .. } => (Sink::Stream(StreamWriter::<T>::open(participant, topic)?), None),
             TopicPattern::Slices { .. } => {
                 let reason = &"it carries slices: open the port with `Setup::slice_output`";
                 return Err(refused(&topic.name, "opening a port for single values")(reason));
             }
         };
-        let wired = Wired::new(index, memory, state, probes);
-        Ok(Self { port, sink, wired: Some(wired), context })
-    }
-
-    /// The worker ends every step of this output's component; only then the components are woken that it triggers, if
-    /// they are all on its own core.
-    pub(crate) fn ending_steps(mut self, stays_on_core: bool) -> Self {
-        if let Some(wired) = &mut self.wired {
-            wired.ending_steps(&self.context, stays_on_core);
-        }
-        self
+        let topic = Some(TopicWriter::new(participant, place, memory, state));
+        Ok(Self { port, sink, topic, context: participant.context().clone() })
     }
 
     /// The connection to be made before the first step.
@@ -174,7 +95,7 @@ impl<T: StateBuffer> Output<T> {
 
     /// True if the graph wires this output.
     pub fn is_wired(&self) -> bool {
-        self.wired.is_some()
+        self.topic.is_some()
     }
 
     /// Lends the memory of the next value.
@@ -264,116 +185,19 @@ impl<T: StateBuffer> Loan<'_, T> {
 
     #[inline(always)]
     fn finish(self, source_ns: Option<u64>) -> Result<(), StepError> {
+        let port = self.output.port;
         if let Err(defect) = self.check() {
             add(&self.output.context.block().refused, 1);
-            return Err(StepError::InvalidOutput { port: self.output.port, defect });
+            return Err(StepError::InvalidOutput { port, defect });
         }
-        let Self { value, sample, output } = self;
-        let context = &*output.context;
-        let Some(wired) = &mut output.wired else { return Ok(()) };
-        let now = context.clock().now_ns();
-        if context.withholds(now) {
-            add(&context.block().refused, 1);
-            return Ok(());
-        }
-        let source = source_time(context, source_ns, now)
-            .map_err(|ahead_ns| StepError::SourceInFuture { port: output.port, ahead_ns })?;
-        let sequence = match &output.sink {
-            Sink::State(state) => state.number(),
-            Sink::Unwired(_) | Sink::Stream(_) => wired.next_number(),
+        let Self { value, sample, output: Output { sink, topic, context, .. } } = self;
+        let Some(topic) = topic else { return Ok(()) };
+        // SAFETY: as in `deref`.
+        let digest = |_: &_, digest: &mut _| unsafe { value.as_ref() }.digest(digest);
+        let send = |sample: Option<_>, stamp| match (sink, sample) {
+            (Sink::Stream(stream), Some(sample)) => stream.send(sample, stamp),
+            _ => false,
         };
-        let stamp = stamp(context, sequence, now, source);
-        if context.clock().is_lockstep() {
-            // SAFETY: as in `deref`.
-            wired.digest(context, stamp, |digest| unsafe { value.as_ref() }.digest(digest));
-        }
-        match (&output.sink, sample) {
-            (Sink::State(state), _) => {
-                wired.memory.publish_from(context.core());
-                state.publish(stamp);
-            }
-            (Sink::Stream(stream), Some(sample)) => {
-                if !stream.send(sample, stamp) {
-                    let reason = "the sample was not sent";
-                    return Err(StepError::Transport { port: output.port, reason });
-                }
-                wired.count(context, now);
-            }
-            (Sink::Stream(_) | Sink::Unwired(_), _) => {}
-        }
-        wired.announce(context, stamp);
-        Ok(())
-    }
-}
-
-impl Wired {
-    pub(super) fn new(
-        topic: usize,
-        memory: Rc<TopicMemory>,
-        state: Option<Rc<StateWriter>>,
-        probes: Vec<Probe>,
-    ) -> Self {
-        let (owes_wake, owes_slot) = (Cell::new(false), Cell::new(false));
-        let after = Rc::new(AfterOutput { memory: memory.clone(), state, owes_wake, owes_slot });
-        let digest = Digest::default();
-        Self { topic, memory, after, ends_steps: false, wakes_late: false, probes, digest }
-    }
-
-    /// The worker ends every step of the component.
-    pub(super) fn ending_steps(&mut self, context: &Context, stays_on_core: bool) {
-        (self.ends_steps, self.wakes_late) = (true, stays_on_core);
-        context.deferred().add(self.after.clone());
-    }
-
-    /// Number of the publication to come, of a stream.
-    pub(super) fn next_number(&self) -> u64 {
-        self.memory.newest().number() + 1
-    }
-
-    /// Announces a publication of a stream.
-    pub(super) fn count(&self, context: &Context, now_ns: u64) {
-        self.memory.publish_from(context.core());
-        self.memory.count(now_ns);
-    }
-
-    /// Takes a value into the digest of everything published on the topic.
-    pub(super) fn digest(&mut self, context: &Context, stamp: Stamp, value: impl FnOnce(&mut Digest)) {
-        if stamp.sequence == 1 {
-            // The first of an episode.
-            self.digest = Digest::default();
-        }
-        self.digest.write_u64(stamp.sequence);
-        self.digest.write_u64(stamp.publish_time);
-        value(&mut self.digest);
-        context.region().topics()[self.topic].digest.store(self.digest.finish(), Relaxed);
-    }
-
-    /// Wakes the waiting components, counts the publication and measures its latency.
-    pub(super) fn announce(&self, context: &Context, stamp: Stamp) {
-        let region = context.region();
-        if self.wakes_late {
-            self.after.owes_wake.set(true);
-        } else if !context.clock().is_lockstep() {
-            self.memory.notify();
-        }
-        self.after.owes_slot.set(true);
-        if !self.ends_steps || !self.wakes_late {
-            self.after.prepare();
-        }
-        let block = &region.topics()[self.topic];
-        block.last_publish_ns.store(stamp.publish_time, Relaxed);
-        block.published.store(stamp.sequence, Relaxed);
-        for probe in &self.probes {
-            let latency = stamp.publish_time.saturating_sub(stamp.source_time);
-            let measured = &region.latencies()[probe.index];
-            measured.latency.record(latency);
-            if latency > probe.max_ns {
-                add(&measured.missed, 1);
-                if probe.on_miss == OnMiss::SafeStop {
-                    region.header().order(Command::SafeStop);
-                }
-            }
-        }
-        context.note_published(self.topic, &stamp);
+        topic.publish(context, source_ns, sample, digest, send).or_else(|reason| reason.for_step(port))
     }
 }

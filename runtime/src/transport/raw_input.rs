@@ -1,19 +1,13 @@
 //! The reading side of a topic whose type is known at run time only.
 
-#![allow(unsafe_code)] // samples of a stream are read as bytes, by a type described at run time
-
 use std::rc::Rc;
 
-use iceoryx2::node::Node;
-use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::sample::Sample;
-use iceoryx2::service::marker::CustomPayloadMarker;
-use iceoryx2::service::static_config::message_type_details::TypeVariant;
-
 use super::latest::StateReader;
-use super::topic::{refused, service_name, type_detail};
-use super::{Connect, Context, InputPlace, PortError, Shared};
+use super::reading::Effects;
+use super::stream::{Bytes, StreamReader, bytes};
+use super::topic::{open_bytes, refused};
+use super::{Connect, InputPlace, Participant, PortError};
+use crate::context::Context;
 use crate::declare::TopicPattern;
 use crate::state::{Stamp, TypeLayout};
 
@@ -25,21 +19,15 @@ use crate::state::{Stamp, TypeLayout};
 pub struct RawInput {
     topic: Option<(String, TypeLayout)>,
     source: Source,
-    context: Rc<Context>,
-    is_cause: bool,
-    edge: Option<usize>,
-    /// The episode of the last look.
-    episode: u64,
+    effects: Effects,
 }
-
-type Bytes = Subscriber<Shared, [CustomPayloadMarker], Stamp>;
 
 /// The memory that the input reads.
 #[derive(Debug)]
 enum Source {
     Unwired,
     State(StateReader),
-    Stream { queue: Rc<Bytes>, current: Option<Sample<Shared, [CustomPayloadMarker], Stamp>>, size: usize },
+    Stream(StreamReader<Bytes>),
 }
 
 /// A value in shared memory, as it was when its input was read.
@@ -53,44 +41,27 @@ pub struct RawReading<'a> {
 
 impl RawInput {
     pub(crate) fn unwired(context: Rc<Context>) -> Self {
-        Self { topic: None, source: Source::Unwired, context, is_cause: false, edge: None, episode: 0 }
+        Self { topic: None, source: Source::Unwired, effects: Effects::none(context) }
     }
 
-    pub(crate) fn open(
-        node: &Node<Shared>,
-        place: InputPlace<'_>,
-        context: Rc<Context>,
-    ) -> Result<Self, PortError> {
-        let InputPlace { topic, pin, is_cause, edge, .. } = place;
-        let (name, layout) = (&topic.name, &topic.layout);
+    pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
+        let topic = place.topic;
         let source = match topic.pattern {
-            TopicPattern::State => Source::State(StateReader::new(context.memory(node, topic)?, pin)),
+            TopicPattern::State => Source::State(StateReader::new(participant.memory(topic)?, place.pin)),
             TopicPattern::Slices { .. } => {
-                return Err(refused(name, "opening a port for bytes")(&"it carries slices"));
+                return Err(refused(&topic.name, "opening a port for bytes")(&"it carries slices"));
             }
             TopicPattern::Stream { .. } => {
-                let builder = node
-                    .service_builder(&service_name("topic", name)?)
-                    .publish_subscribe::<[CustomPayloadMarker]>()
-                    .user_header::<Stamp>();
-                let detail = type_detail(name, layout, TypeVariant::FixedSize)?;
-                // SAFETY: the detail is that of the topic's own plan; iceoryx2 compares it with the service's.
-                let builder = unsafe { builder.__internal_set_payload_type_details(&detail) };
-                let service = builder.open().map_err(|error| refused(name, "opening")(&error))?;
-                let queue = service.subscriber_builder().create();
-                let queue = queue.map_err(|error| refused(name, "making a subscriber")(&error))?;
-                Source::Stream { queue: Rc::new(queue), current: None, size: layout.size }
+                Source::Stream(StreamReader::open(&open_bytes(participant.node(), topic)?, place)?)
             }
         };
-        Ok(Self { topic: Some((name.clone(), layout.clone())), source, context, is_cause, edge, episode: 0 })
+        let topic = Some((topic.name.clone(), topic.layout.clone()));
+        Ok(Self { topic, source, effects: Effects::new(participant, place) })
     }
 
     /// The connection to be made before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
-        match &self.source {
-            Source::Stream { queue, .. } => Some(queue.clone()),
-            Source::Unwired | Source::State(_) => None,
-        }
+        if let Source::Stream(queue) = &self.source { Some(queue.connection()) } else { None }
     }
 
     /// Name of the topic, if the graph wires this input.
@@ -105,21 +76,22 @@ impl RawInput {
 
     /// The newest value if it was not read before.
     pub fn next_unread(&mut self) -> Option<RawReading<'_>> {
-        let episode = self.context.episode();
-        if core::mem::replace(&mut self.episode, episode) != episode
-            && let Source::Stream { current, .. } = &mut self.source
-        {
-            *current = None;
-        }
+        let begins = self.effects.begins_episode();
         let is_new = match &mut self.source {
             Source::Unwired => false,
-            Source::State(state) => state.look(),
-            Source::Stream { queue, current, .. } => {
+            Source::State(state) => {
+                if begins {
+                    state.begin_episode();
+                }
+                state.look()
+            }
+            Source::Stream(queue) => {
+                if begins {
+                    queue.begin_episode();
+                }
                 let mut is_new = false;
-                // An error means that a connection could not be made to a publisher that is just dying or being born.
-                while let Some(sample) = queue.receive().ok().flatten() {
-                    is_new |= sample.user_header().sequence > 0;
-                    *current = Some(sample);
+                while queue.take(self.effects.context()) {
+                    is_new = true;
                 }
                 is_new
             }
@@ -127,39 +99,22 @@ impl RawInput {
         if !is_new {
             return None;
         }
-        if let (Some(edge), Some(reading)) = (self.edge, self.current()) {
-            self.context.note_read(edge, reading.stamp);
-        }
         let reading = self.current()?;
-        if self.is_cause {
-            self.context.causality().propagate(reading.stamp);
-        }
+        self.effects.first_read(reading.stamp);
+        self.effects.read(reading.stamp);
         Some(reading)
     }
 
     /// The value read last, without looking for a newer one.
     pub fn current(&self) -> Option<RawReading<'_>> {
+        if !self.effects.is_of_this_episode() {
+            return None;
+        }
         let (stamp, bytes) = match &self.source {
             Source::Unwired => return None,
             Source::State(state) => state.current_bytes()?,
-            Source::Stream { .. } if self.episode != self.context.episode() => return None,
-            Source::Stream { current, size, .. } => {
-                let sample = current.as_ref()?;
-                let first = sample.payload().as_ptr().cast::<u8>();
-                // SAFETY: the payload of a fixed-size custom sample is one value of `size` bytes; the sample is held.
-                (sample.user_header(), unsafe { core::slice::from_raw_parts(first, *size) })
-            }
+            Source::Stream(queue) => queue.current().map(|(stamp, sample)| (stamp, bytes(sample)))?,
         };
         Some(RawReading { stamp, bytes })
-    }
-}
-
-impl Connect for Bytes {
-    fn connect(&self) -> Result<(), String> {
-        self.update_connections().map_err(|error| error.to_string())
-    }
-
-    fn begin_episode(&self) {
-        while matches!(self.receive(), Ok(Some(_))) {}
     }
 }

@@ -4,15 +4,13 @@
 
 use std::rc::Rc;
 
-use iceoryx2::node::Node;
-
-use super::latest::{StateWriter, TopicMemory};
-use super::output::Wired;
-use super::stamping::{source_time, stamp};
+use super::latest::StateWriter;
+use super::publication::{TopicWriter, Unpublished};
 use super::topic::{fits, refused};
-use super::{Context, PortError, Probe, Shared};
+use super::{OutputPlace, Participant, PortError};
+use crate::context::Context;
 use crate::declare::TopicPattern;
-use crate::plan::{PortPlan, TopicPlan};
+use crate::plan::PortPlan;
 use crate::region::add;
 use crate::state::{ContentCheck, ContentDefect, TypeLayout};
 
@@ -24,7 +22,7 @@ use crate::state::{ContentCheck, ContentDefect, TypeLayout};
 pub struct RawOutput {
     layout: TypeLayout,
     check: ContentCheck,
-    wired: Option<(String, Rc<StateWriter>, Rc<TopicMemory>, Wired)>,
+    wired: Option<(String, Rc<StateWriter>, TopicWriter)>,
     context: Rc<Context>,
 }
 
@@ -54,31 +52,21 @@ impl RawOutput {
     }
 
     pub(crate) fn open(
-        node: &Node<Shared>,
-        topic: (usize, &TopicPlan),
+        participant: &Participant,
+        place: OutputPlace<'_>,
         port: &PortPlan,
-        probes: Vec<Probe>,
-        context: Rc<Context>,
     ) -> Result<Self, PortError> {
-        let (index, topic) = topic;
+        let topic = place.topic;
         fits(&port.layout, topic, &port.port)?;
         if topic.pattern != TopicPattern::State {
             return Err(refused(&topic.name, "opening a port for bytes")(&"it is a stream, not a state"));
         }
-        let mut output = Self::unwired(port, context)?;
-        let memory = output.context.memory(node, topic)?;
+        let mut output = Self::unwired(port, participant.context().clone())?;
+        let memory = participant.memory(topic)?;
         let state = Rc::new(StateWriter::new(memory.clone()));
-        let wired = Wired::new(index, memory.clone(), Some(state.clone()), probes);
-        output.wired = Some((topic.name.clone(), state, memory, wired));
+        let writer = TopicWriter::new(participant, place, memory, Some(state.clone()));
+        output.wired = Some((topic.name.clone(), state, writer));
         Ok(output)
-    }
-
-    /// The worker ends every step of this output's component.
-    pub(crate) fn ending_steps(mut self, stays_on_core: bool) -> Self {
-        if let Some((.., wired)) = &mut self.wired {
-            wired.ending_steps(&self.context, stays_on_core);
-        }
-        self
     }
 
     /// Name of the topic, if the graph wires this output.
@@ -119,28 +107,24 @@ impl RawOutput {
 
     #[inline(always)]
     fn finish(&mut self, bytes: &[u8], source_ns: Option<u64>) -> Result<(), RawError> {
-        let context = &*self.context;
-        if let Err(defect) = self.check.check(bytes) {
+        let Self { check, wired, context, .. } = self;
+        if let Err(defect) = check.check(bytes) {
             add(&context.block().refused, 1);
             return Err(defect.into());
         }
-        let Some((_, state, memory, wired)) = &mut self.wired else { return Ok(()) };
-        let now = context.clock().now_ns();
-        if context.withholds(now) {
-            add(&context.block().refused, 1);
-            return Err(RawError::Late);
-        }
-        let source =
-            source_time(context, source_ns, now).map_err(|ahead_ns| RawError::SourceInFuture { ahead_ns })?;
+        let Some((_, state, topic)) = wired else { return Ok(()) };
         // SAFETY: this output is the one user of its writer's slot, and borrowed mutably; the reference ends here.
         unsafe { state.bytes_mut() }.copy_from_slice(bytes);
-        let stamp = stamp(context, state.number(), now, source);
-        if context.clock().is_lockstep() {
-            wired.digest(context, stamp, |digest| self.check.digest(bytes, digest));
-        }
-        memory.publish_from(context.core());
-        state.publish(stamp);
-        wired.announce(context, stamp);
-        Ok(())
+        let published = topic.publish(
+            context,
+            source_ns,
+            bytes,
+            |bytes, digest| check.digest(bytes, digest),
+            |_, _| false,
+        );
+        published.map_err(|reason| match reason {
+            Unpublished::InFuture { ahead_ns } => RawError::SourceInFuture { ahead_ns },
+            Unpublished::Late | Unpublished::NotSent => RawError::Late,
+        })
     }
 }

@@ -1,16 +1,14 @@
 //! Reading a topic from outside of the graph, by its layout alone.
 
-#![allow(unsafe_code)] // samples are read as bytes, by a type described at run time
-
 use iceoryx2::node::Node;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::service::marker::CustomPayloadMarker;
-use iceoryx2::service::static_config::message_type_details::TypeVariant;
 
+use super::PortError;
 use super::latest::{self, TopicMemory};
-use super::topic::{refused, service_name, type_detail};
-use super::{Domain, PortError, Shared};
+use super::stream::{Bytes, bytes};
+use super::topic::{open_bytes, refused};
 use crate::declare::TopicPattern;
+use crate::domain::{Domain, Shared};
 use crate::os::Lock;
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp, TypeLayout};
@@ -32,7 +30,7 @@ pub struct Tap {
 enum Source {
     State(Box<latest::Tap>),
     Stream {
-        subscriber: Subscriber<Shared, [CustomPayloadMarker], Stamp>,
+        queue: Subscriber<Shared, Bytes, Stamp>,
         /// Restart count and number of the last value read.
         last: (u32, u64),
         missed: u64,
@@ -57,22 +55,10 @@ pub(crate) fn first_place(topic: &str) -> u32 {
 
 impl Source {
     /// A reader of a topic whose values come through queues.
-    fn stream(node: &Node<Shared>, topic: &TopicPlan, variant: TypeVariant) -> Result<Self, PortError> {
-        let name = &topic.name;
-        let detail = type_detail(name, &topic.layout, variant)?;
-        let builder = node
-            .service_builder(&service_name("topic", name)?)
-            .publish_subscribe::<[CustomPayloadMarker]>()
-            .user_header::<Stamp>();
-        // SAFETY: the detail is that of the topic's own plan; iceoryx2 compares it with the service's.
-        let builder = unsafe { builder.__internal_set_payload_type_details(&detail) };
-        let subscriber = builder
-            .open()
-            .map_err(|error| refused(name, "opening")(&error))?
-            .subscriber_builder()
-            .create()
-            .map_err(|error| refused(name, "making a subscriber")(&error))?;
-        Ok(Self::Stream { subscriber, last: (0, 0), missed: 0 })
+    fn stream(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
+        let queue = open_bytes(node, topic)?.subscriber_builder().create();
+        let queue = queue.map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
+        Ok(Self::Stream { queue, last: (0, 0), missed: 0 })
     }
 }
 
@@ -99,7 +85,7 @@ impl Tap {
             TopicPattern::Slices { .. } => {
                 return Err(refused(name, "looking on")(&"it carries slices, which have no single layout"));
             }
-            TopicPattern::Stream { .. } => Source::stream(&node, topic, TypeVariant::FixedSize)?,
+            TopicPattern::Stream { .. } => Source::stream(&node, topic)?,
         };
         Ok(Self { layout, source, _node: node })
     }
@@ -115,7 +101,7 @@ impl Tap {
             return Err(refused(name, "looking on")(&"it carries single values, no slices"));
         }
         let node = domain.node().map_err(|error| refused(name, "joining the run")(&error))?;
-        let source = Source::stream(&node, topic, TypeVariant::Dynamic)?;
+        let source = Source::stream(&node, topic)?;
         Ok(Self { layout: topic.layout.clone(), source, _node: node })
     }
 
@@ -136,19 +122,14 @@ impl Tap {
     pub fn read(&mut self, read: impl FnOnce(&Stamp, &[u8])) -> bool {
         match &mut self.source {
             Source::State(tap) => tap.next(read),
-            Source::Stream { subscriber, last, missed } => {
-                let Some(sample) = subscriber.receive().ok().flatten() else { return false };
+            Source::Stream { queue, last, missed } => {
+                let Some(sample) = queue.receive().ok().flatten() else { return false };
                 let stamp = sample.user_header();
                 if last.1 > 0 {
                     *missed += stamp.sequence.saturating_sub(last.1 + 1);
                 }
                 *last = (stamp.restart_count, stamp.sequence);
-                let payload = sample.payload();
-                // SAFETY: a marker stands for each byte of the payload, all of its elements; it is held while the bytes are
-                // read.
-                let bytes =
-                    unsafe { core::slice::from_raw_parts(payload.as_ptr().cast::<u8>(), payload.len()) };
-                read(stamp, bytes);
+                read(stamp, bytes(sample.payload()));
                 true
             }
         }

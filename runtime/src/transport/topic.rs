@@ -2,20 +2,23 @@
 
 #![allow(unsafe_code)] // services are made from layouts, so that the launcher need not know the Rust types
 
-use std::path::Path;
+use core::fmt::Debug;
 use std::rc::Rc;
 
 use iceoryx2::node::Node;
-use iceoryx2::prelude::{AttributeSpecifier, AttributeVerifier, ServiceName};
-use iceoryx2::service::marker::CustomPayloadMarker;
+use iceoryx2::prelude::{AttributeSpecifier, AttributeVerifier};
+use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
+use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::publish_subscribe;
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
+use iceoryx2_bb_elementary_traits::iceoryx_send::IceoryxSend;
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable as _;
 
+use super::Participant;
 use super::latest::{SIDE_PINS, TopicMemory};
-use super::{Context, SHARED_MEMORY, Shared, Trigger};
+use super::stream::Bytes;
 use crate::declare::TopicPattern;
-use crate::os::with_shortage;
+use crate::domain::{self, ServiceError, Shared, service_name};
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer, TypeLayout};
 
@@ -49,37 +52,23 @@ pub enum PortError {
         difference: String,
     },
     /// iceoryx2 refused.
-    #[error("topic `{topic}`: {action} failed: {reason}")]
-    Refused {
-        /// The topic.
-        topic: String,
-        /// The operation that failed.
-        action: &'static str,
-        /// The error of iceoryx2.
-        reason: String,
-    },
+    #[error(transparent)]
+    Refused(#[from] ServiceError),
 }
 
+/// The error of an operation on a topic.
 pub(super) fn refused(
     topic: &str,
     action: &'static str,
 ) -> impl Fn(&dyn core::fmt::Display) -> PortError + use<> {
-    let topic = topic.to_string();
-    move |reason| {
-        let reason = with_shortage(reason.to_string(), Path::new(SHARED_MEMORY));
-        PortError::Refused { topic: topic.clone(), action, reason }
-    }
-}
-
-pub(super) fn service_name(kind: &str, name: &str) -> Result<ServiceName, PortError> {
-    ServiceName::new(&format!("{kind}/{name}"))
-        .map_err(|error| refused(name, "naming the service")(&format!("{error:?}")))
+    let refused = domain::refused(format!("topic `{topic}`"), action);
+    move |reason| PortError::Refused(refused(reason))
 }
 
 /// The services of one topic, held by the launcher so that they outlive every component.
 #[derive(Debug)]
 pub(crate) struct TopicService {
-    samples: publish_subscribe::PortFactory<Shared, [CustomPayloadMarker], Stamp>,
+    samples: Samples<Bytes>,
     memory: Rc<TopicMemory>,
     wakes: bool,
 }
@@ -87,26 +76,15 @@ pub(crate) struct TopicService {
 impl TopicService {
     /// Makes the services of a topic with the exact limits the plan implies.
     pub(crate) fn create(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
-        let name = &topic.name;
-        let layout = &topic.layout;
-        let variant = match topic.pattern {
-            TopicPattern::State | TopicPattern::Stream { .. } => TypeVariant::FixedSize,
-            TopicPattern::Slices { .. } => TypeVariant::Dynamic,
-        };
-        let detail = type_detail(name, layout, variant)?;
-        let attributes = layout_attribute(name, layout)?;
         let depth = match topic.pattern {
             TopicPattern::State => 1,
             TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => capacity,
         };
         let parties = topic.readers.len() + SIDE_PINS;
-        let builder = node
-            .service_builder(&service_name("topic", name)?)
-            .publish_subscribe::<[CustomPayloadMarker]>()
-            .user_header::<Stamp>();
-        // SAFETY: the detail describes a `StateBuffer`: `repr(C)`, fixed size, the alignment it was declared with.
-        let builder = unsafe { builder.__internal_set_payload_type_details(&detail) };
-        let samples = builder
+        let (key, value) = layout_attribute(topic)?;
+        let failed = refused(&topic.name, "creating");
+        let attributes = AttributeSpecifier::new().define(&key, &value).map_err(|error| failed(&error))?;
+        let samples = bytes_builder(node, topic)?
             .subscriber_max_buffer_size(depth)
             .subscriber_max_borrowed_samples(2)
             .history_size(1)
@@ -116,7 +94,7 @@ impl TopicService {
             .max_subscribers(2 * parties)
             .max_nodes(2 * parties + 4)
             .create_with_attributes(&attributes)
-            .map_err(|error| refused(name, "creating")(&error))?;
+            .map_err(|error| failed(&error))?;
         let memory = Rc::new(TopicMemory::create(node, topic)?);
         Ok(Self { samples, memory, wakes: !topic.triggers.is_empty() })
     }
@@ -138,24 +116,38 @@ impl TopicService {
     }
 }
 
-/// The type of a topic as iceoryx2 describes it.
-pub(super) fn type_detail(
-    topic: &str,
-    layout: &TypeLayout,
-    variant: TypeVariant,
-) -> Result<TypeDetail, PortError> {
-    TypeDetail::__internal_new_from_parts(variant, &layout.type_name, layout.size, layout.alignment)
-        .map_err(|error| refused(topic, "describing its type")(&format!("{error:?}")))
+/// The iceoryx2 service of a topic.
+pub(super) type Samples<P> = publish_subscribe::PortFactory<Shared, P, Stamp>;
+
+/// The attribute of a topic's service that names the layout of its values.
+fn layout_attribute(topic: &TopicPlan) -> Result<(AttributeKey, AttributeValue), PortError> {
+    let failed = refused(&topic.name, "describing its layout");
+    let key = LAYOUT_ATTRIBUTE.try_into().map_err(|_| failed(&"attribute key"))?;
+    let value = topic.layout.hash().as_str().try_into().map_err(|_| failed(&"attribute value"))?;
+    Ok((key, value))
 }
 
-fn layout_attribute(topic: &str, layout: &TypeLayout) -> Result<AttributeSpecifier, PortError> {
-    let bad = refused(topic, "describing its layout");
-    let key = LAYOUT_ATTRIBUTE.try_into().map_err(|_| bad(&"attribute key"))?;
-    let value = layout.hash().as_str().try_into().map_err(|_| bad(&"attribute value"))?;
-    AttributeSpecifier::new().define(&key, &value).map_err(|error| bad(&error))
+fn builder<P: IceoryxSend + Debug + ?Sized>(
+    node: &Node<Shared>,
+    topic: &TopicPlan,
+) -> Result<Builder<P, Stamp, Shared>, PortError> {
+    let service = node.service_builder(&service_name("topic", &topic.name)?);
+    Ok(service.publish_subscribe::<P>().user_header::<Stamp>())
 }
 
-type Samples<T> = publish_subscribe::PortFactory<Shared, T, Stamp>;
+/// As [`builder`], of a type that is described by the plan alone.
+fn bytes_builder(node: &Node<Shared>, topic: &TopicPlan) -> Result<Builder<Bytes, Stamp, Shared>, PortError> {
+    let variant = match topic.pattern {
+        TopicPattern::State | TopicPattern::Stream { .. } => TypeVariant::FixedSize,
+        TopicPattern::Slices { .. } => TypeVariant::Dynamic,
+    };
+    let TypeLayout { type_name, size, alignment, .. } = &topic.layout;
+    let detail = TypeDetail::__internal_new_from_parts(variant, type_name, *size, *alignment)
+        .map_err(|error| refused(&topic.name, "describing its type")(&format!("{error:?}")))?;
+    // SAFETY: the detail describes a `StateBuffer`: `repr(C)`, fixed size, the alignment it was declared with. iceoryx2
+    // compares it with that of a service that is there.
+    Ok(unsafe { builder(node, topic)?.__internal_set_payload_type_details(&detail) })
+}
 
 /// Checks that the topic's layout is the one this program was built with.
 pub(crate) fn same_layout<T: StateBuffer>(topic: &TopicPlan, port: &str) -> Result<(), PortError> {
@@ -174,47 +166,34 @@ pub(super) fn fits(mine: &TypeLayout, topic: &TopicPlan, port: &str) -> Result<(
     })
 }
 
-/// Opens the iceoryx2 service of a stream of slices as a component.
-pub(super) fn open_slices<T: StateBuffer>(
-    node: &Node<Shared>,
-    topic: &TopicPlan,
-    port: &str,
-) -> Result<Samples<[T]>, PortError> {
-    same_layout::<T>(topic, port)?;
-    node.service_builder(&service_name("topic", &topic.name)?)
-        .publish_subscribe::<[T]>()
-        .user_header::<Stamp>()
-        .open_with_attributes(&layout_required(topic, &T::layout())?)
-        .map_err(|error| refused(&topic.name, "opening")(&error))
-}
-
-/// The attribute that a topic's service must have.
-fn layout_required(topic: &TopicPlan, layout: &TypeLayout) -> Result<AttributeVerifier, PortError> {
-    let bad = refused(&topic.name, "opening");
-    let key = LAYOUT_ATTRIBUTE.try_into().map_err(|_| bad(&"attribute key"))?;
-    let value = layout.hash().as_str().try_into().map_err(|_| bad(&"attribute value"))?;
-    AttributeVerifier::new().require(&key, &value).map_err(|error| bad(&error))
-}
-
-/// Opens the iceoryx2 service of a stream as a component.
+/// Opens the iceoryx2 service of a topic for values of a type whose layout fits.
 pub(super) fn open<T: StateBuffer>(
-    node: &Node<Shared>,
+    participant: &Participant,
     topic: &TopicPlan,
-    port: &str,
 ) -> Result<Samples<T>, PortError> {
-    same_layout::<T>(topic, port)?;
-    node.service_builder(&service_name("topic", &topic.name)?)
-        .publish_subscribe::<T>()
-        .user_header::<Stamp>()
-        .open_with_attributes(&layout_required(topic, &T::layout())?)
-        .map_err(|error| refused(&topic.name, "opening")(&error))
+    let builder = builder::<T>(participant.node(), topic)?;
+    builder.open_with_attributes(&required(topic)?).map_err(|error| refused(&topic.name, "opening")(&error))
 }
 
-/// The waiting side of a topic's wake-up.
-pub(crate) fn open_trigger(
-    node: &Node<Shared>,
+/// As [`open`], for slices.
+pub(super) fn open_slices<T: StateBuffer>(
+    participant: &Participant,
     topic: &TopicPlan,
-    context: &Context,
-) -> Result<Trigger, PortError> {
-    context.memory(node, topic).map(|memory| Trigger::new(memory, context.restart_count()))
+) -> Result<Samples<[T]>, PortError> {
+    let builder = builder::<[T]>(participant.node(), topic)?;
+    builder.open_with_attributes(&required(topic)?).map_err(|error| refused(&topic.name, "opening")(&error))
+}
+
+/// As [`open`], for bytes in the layout of the plan.
+pub(super) fn open_bytes(node: &Node<Shared>, topic: &TopicPlan) -> Result<Samples<Bytes>, PortError> {
+    let builder = bytes_builder(node, topic)?;
+    builder.open_with_attributes(&required(topic)?).map_err(|error| refused(&topic.name, "opening")(&error))
+}
+
+/// The attribute that the service of a topic must have.
+fn required(topic: &TopicPlan) -> Result<AttributeVerifier, PortError> {
+    let (key, value) = layout_attribute(topic)?;
+    AttributeVerifier::new()
+        .require(&key, &value)
+        .map_err(|error| refused(&topic.name, "describing its layout")(&error))
 }

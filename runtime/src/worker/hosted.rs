@@ -6,11 +6,12 @@ use std::sync::atomic::Ordering::Relaxed;
 use super::stepper::{Stepper, Timing};
 use super::{Configured, Failure, configure, connect, failure};
 use crate::component::Component;
+use crate::context::Context;
 use crate::os;
 use crate::plan::Plan;
 use crate::region::Region;
 use crate::run_folder::RunFolder;
-use crate::transport::{Connect, Context};
+use crate::transport::Connect;
 
 /// The run that hosts a component.
 #[derive(Debug)]

@@ -36,11 +36,12 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use crate::component::{Component, Prepared, Setup};
+use crate::context::Context;
 use crate::os::{self, Request};
 use crate::plan::{Activation, ClockKind, ComponentPlan, OnDenied, Plan};
 use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
-use crate::transport::{Connect, Context, Trigger};
+use crate::transport::{Connect, Trigger};
 use stepper::Stepper;
 
 /// One component of one run, ready to be run.

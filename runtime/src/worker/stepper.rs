@@ -7,13 +7,14 @@ use std::time::Duration;
 use super::account::{self, Accounts, Consequence};
 use super::{Failure, failure};
 use crate::component::{Component, Episode, Helpers, Tick};
+use crate::context::Context;
 use crate::declare::StepError;
 use crate::os;
+use crate::parameter::ParameterReader;
 use crate::plan::{ComponentPlan, OnError, OnOverrun, component_seed};
 use crate::region::{Command, add};
 use crate::run_folder::RunFolder;
 use crate::telemetry::{Allocations, allocations, counts_allocations};
-use crate::transport::{Context, ParameterReader};
 
 /// Steps after which a component counts as warmed up: allocations and page faults count from there on.
 pub(crate) const WARM_UP: u64 = 100;

@@ -12,8 +12,8 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGTSTP, SIGTTIN, SIGTTOU, SIGUSR2};
 
 use super::output::Output;
+use crate::context::{Context, Signals};
 use crate::os::{Watch, interrupt_thread, monotonic_ns, thread_id};
-use crate::transport::{Context, Signals};
 
 /// Time between two looks at the room that is left for output.
 const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };

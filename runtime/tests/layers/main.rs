@@ -1,8 +1,9 @@
 //! The layers of the house: the arrows between the modules of the runtime and between the crates of the workspace,
-//! drawn from the sources. An arrow that runs back up, or a cycle, fails.
+//! drawn from the sources. An arrow that runs back up, or a cycle, fails; so does a layer that outgrows its ceiling.
 
 mod crates;
 mod paths;
+mod size;
 mod tokens;
 
 use std::collections::BTreeMap;
@@ -11,7 +12,7 @@ use std::path::{Path, PathBuf};
 use paths::Arrow;
 
 /// The modules of the runtime, bottom up: each may use only those before it.
-const LAYERS: [&str; 21] = [
+const LAYERS: [&str; 24] = [
     "atomics",
     "units",
     "severity",
@@ -22,6 +23,9 @@ const LAYERS: [&str; 21] = [
     "plan",
     "os",
     "region",
+    "context",
+    "domain",
+    "parameter",
     "transport",
     "run_folder",
     "component",

@@ -2,7 +2,6 @@
 
 #![allow(unsafe_code)] // the one place where mapped bytes become the words and slots of a topic
 
-use core::cell::Cell;
 use core::ptr::NonNull;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
@@ -20,10 +19,11 @@ use super::notify::{self, Futex};
 use super::protocol::{Head, Newest, Pin, Reuse, Words, newest};
 use crate::atomics::Native;
 use crate::declare::TopicPattern;
+use crate::domain::Shared;
 use crate::os::{futex_wait, futex_wake, monotonic_ns};
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp};
-use crate::transport::{PortError, Shared, topic::refused};
+use crate::transport::{PortError, topic::refused};
 
 /// iceoryx2's own shared memory, so that names, permissions and cleaning up are iceoryx2's.
 type Storage = iceoryx2_cal::shared_memory::recommended::Ipc<BumpAllocator>;
@@ -147,8 +147,6 @@ impl TopicPlan {
 pub(crate) struct TopicMemory {
     base: NonNull<u8>,
     dimensions: Dimensions,
-    /// Episodes begun as this component has seen them: a reader drops what it holds from another one.
-    pub(super) era: Cell<u32>,
     _storage: Storage,
 }
 
@@ -189,7 +187,7 @@ impl TopicMemory {
         let base = address.next_multiple_of(align_of::<Pin<Native>>());
         let fits = storage.size() >= (base - address).saturating_add(dimensions.bytes());
         let base = NonNull::new(core::ptr::with_exposed_provenance_mut::<u8>(base)).filter(|_| fits)?;
-        Some(Self { base, dimensions, era: Cell::new(0), _storage: storage })
+        Some(Self { base, dimensions, _storage: storage })
     }
 
     /// Has the system find every page now.
@@ -295,6 +293,13 @@ impl TopicMemory {
     /// The core of the last publication, if there was one.
     pub(crate) fn core(&self) -> Option<usize> {
         self.head().core.load(Relaxed).checked_sub(1).map(|core| core as usize)
+    }
+
+    /// Takes back all publications, for a new episode: while nobody publishes, and nobody but taps reads.
+    pub(crate) fn clear(&self) {
+        (0..self.slots()).for_each(|slot| self.mark(slot).store(0, Relaxed));
+        self.head().times.iter().for_each(|time| time.store(0, Relaxed));
+        self.head().newest.store(0, Release);
     }
 
     /// The pins beyond those of the graph's readers, for processes that look on.

@@ -17,7 +17,6 @@
 //! A [`Tap`] reads each publication in order from the slots behind the newest, at no cost to the writer. A topic with a
 //! `history` keeps that many values for taps; what a tap misses is counted.
 
-mod episode;
 mod memory;
 pub(crate) mod notify;
 pub(crate) mod protocol;

@@ -17,15 +17,12 @@ pub(crate) struct StateReader {
     pin: usize,
     /// The pinned publication; number 0 for none.
     pinned: Newest,
-    /// The episode in which it was pinned.
-    era: u32,
 }
 
 impl StateReader {
     /// Takes over the pin of a port, of which there is one at a time.
     pub(crate) fn new(memory: Rc<TopicMemory>, pin: usize) -> Self {
-        let era = memory.era();
-        let reader = Self { memory, pin, pinned: Newest::default(), era };
+        let reader = Self { memory, pin, pinned: Newest::default() };
         unpin(reader.pin());
         reader
     }
@@ -34,16 +31,16 @@ impl StateReader {
         &self.memory.pins()[self.pin]
     }
 
-    /// The pinned publication, if it is one of this episode.
+    /// Number of the newest publication; 0 before the first.
     #[inline]
-    fn pinned(&self) -> Newest {
-        if self.era == self.memory.era() { self.pinned } else { Newest::default() }
+    pub(crate) fn newest(&self) -> u64 {
+        self.memory.newest().number()
     }
 
-    /// True if something was published since the last look.
+    /// Number of the pinned publication; 0 for none.
     #[inline]
-    pub(crate) fn has_news(&self) -> bool {
-        self.memory.newest().number() != self.pinned().number()
+    pub(crate) fn seen(&self) -> u64 {
+        self.pinned.number()
     }
 
     /// Forgets what was read in the episode before.
@@ -55,9 +52,6 @@ impl StateReader {
     #[inline]
     pub(crate) fn look(&mut self) -> bool {
         let memory = &*self.memory;
-        if self.era != memory.era() {
-            (self.pinned, self.era) = (Newest::default(), memory.era());
-        }
         let fetch = |slot| {
             let (first, bytes) = memory.range(slot);
             prefetch_read(first, bytes);
@@ -75,8 +69,7 @@ impl StateReader {
     #[inline]
     pub(crate) fn current<T: StateBuffer>(&self) -> Option<(&Stamp, &T)> {
         debug_assert_eq!(size_of::<T>(), self.memory.value_bytes());
-        let pinned = self.pinned();
-        let slot = (pinned.number() > 0).then_some(pinned.slot())?;
+        let slot = (self.seen() > 0).then_some(self.pinned.slot())?;
         // SAFETY: the slot is pinned, so the writer does not touch it until this reader looks again, for which it needs
         // `&mut self`. The port was opened for this very layout; every bit pattern is a valid value.
         Some(unsafe { (&*self.memory.stamp(slot), &*self.memory.value(slot).cast::<T>()) })
@@ -85,8 +78,7 @@ impl StateReader {
     /// The pinned value as bytes.
     #[inline]
     pub(crate) fn current_bytes(&self) -> Option<(&Stamp, &[u8])> {
-        let pinned = self.pinned();
-        let slot = (pinned.number() > 0).then_some(pinned.slot())?;
+        let slot = (self.seen() > 0).then_some(self.pinned.slot())?;
         // SAFETY: as in `current`; the slot has room for a value of this size, all of it initialised by the system or by
         // the writer.
         Some(unsafe {

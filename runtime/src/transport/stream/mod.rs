@@ -1,12 +1,17 @@
 //! Streams: every value, in order, through the queues of iceoryx2.
 
-mod pool_allocated;
 mod reader;
 mod slices;
-mod variant;
 mod writer;
 
-pub(crate) use reader::{StreamReader, Taken};
+pub(crate) use reader::{Bytes, StreamReader, bytes};
 pub use slices::{SliceInput, SliceLoan, SliceOutput};
-pub use variant::Shared;
 pub(crate) use writer::{Lent, StreamWriter};
+
+/// A port whose connections can be made before the first step.
+pub(crate) trait Connect {
+    fn connect(&self) -> Result<(), String>;
+
+    /// Drops what is left from the episode before.
+    fn begin_episode(&self) {}
+}

@@ -1,28 +1,16 @@
 //! Streams of slices: images, clouds, frames, each of another length up to a declared longest one.
 
-#![allow(unsafe_code)] // a lent slice is shared memory that any bit pattern makes valid elements of
-
 use std::rc::Rc;
-use std::sync::atomic::Ordering::Relaxed;
 
-use iceoryx2::node::Node;
-use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::sample::Sample;
-use iceoryx2::sample_mut::SampleMut;
-
-use super::Shared;
-use super::reader::Place;
+use super::{Connect, Lent, StreamReader, StreamWriter};
+use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};
-use crate::plan::TopicPlan;
 use crate::region::add;
-use crate::state::{Stamp, StateBuffer};
-use crate::transport::input::InputPlace;
-use crate::transport::output::Wired;
-use crate::transport::stamping::{source_time, stamp};
-use crate::transport::topic::{open_slices, refused};
-use crate::transport::{Connect, Context, PortError, Probe};
+use crate::state::{Digest, Stamp, StateBuffer};
+use crate::transport::publication::TopicWriter;
+use crate::transport::reading::Effects;
+use crate::transport::topic::{open_slices, refused, same_layout};
+use crate::transport::{InputPlace, OutputPlace, Participant, PortError};
 
 /// An input port that reads every slice of a stream, in order and in place.
 ///
@@ -37,101 +25,57 @@ use crate::transport::{Connect, Context, PortError, Probe};
 /// ```
 #[derive(Debug)]
 pub struct SliceInput<T: StateBuffer> {
-    subscriber: Option<Rc<Subscriber<Shared, [T], Stamp>>>,
-    current: Option<Sample<Shared, [T], Stamp>>,
-    place: Place,
-    /// Index of the topic.
-    topic: usize,
-    is_cause: bool,
-    edge: Option<usize>,
-    lost: u64,
-    /// The episode of the last look.
-    episode: u64,
-    context: Rc<Context>,
+    queue: Option<StreamReader<[T]>>,
+    effects: Effects,
 }
 
 impl<T: StateBuffer> SliceInput<T> {
     pub(crate) fn unwired(context: Rc<Context>) -> Self {
-        Self {
-            subscriber: None,
-            current: None,
-            place: Place::default(),
-            topic: 0,
-            is_cause: false,
-            edge: None,
-            lost: 0,
-            episode: 0,
-            context,
-        }
+        Self { queue: None, effects: Effects::none(context) }
     }
 
-    pub(crate) fn open(
-        node: &Node<Shared>,
-        place: InputPlace<'_>,
-        context: Rc<Context>,
-    ) -> Result<Self, PortError> {
-        let InputPlace { index, topic, port, is_cause, edge, .. } = place;
-        let subscriber = open_slices::<T>(node, topic, port)?
-            .subscriber_builder()
-            .create()
-            .map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
-        let subscriber = Some(Rc::new(subscriber));
-        Ok(Self { subscriber, topic: index, is_cause, edge, ..Self::unwired(context) })
+    pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
+        same_layout::<T>(place.topic, place.port)?;
+        let queue = StreamReader::open(&open_slices::<T>(participant, place.topic)?, place)?;
+        Ok(Self { queue: Some(queue), effects: Effects::new(participant, place) })
     }
 
     /// The connection to be made before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
-        self.subscriber.clone().map(|subscriber| subscriber as Rc<dyn Connect>)
+        self.queue.as_ref().map(StreamReader::connection)
     }
 
     /// True if the graph wires this input.
     pub fn is_wired(&self) -> bool {
-        self.subscriber.is_some()
+        self.queue.is_some()
     }
 
     /// The next slice that was not read, in order, with its stamp. It stays where it is until the next call.
     pub fn next_unread(&mut self) -> Option<(Stamp, &[T])> {
-        let subscriber = self.subscriber.as_ref()?;
-        if self.episode != self.context.episode() {
-            self.episode = self.context.episode();
-            (self.current, self.place) = (None, Place::default());
+        let queue = self.queue.as_mut()?;
+        if self.effects.begins_episode() {
+            queue.begin_episode();
         }
-        loop {
-            let sample = subscriber.receive().ok().flatten()?;
-            let stamp = *sample.user_header();
-            let valid = T::check_all(sample.payload()).is_ok();
-            let Some(lost) = self.place.advance(&stamp).filter(|_| valid) else {
-                add(&self.context.block().refused, 1);
-                continue;
-            };
-            if lost > 0 {
-                self.lost += lost;
-                self.context.region().topics()[self.topic].dropped.fetch_add(lost, Relaxed);
-            }
-            if let Some(edge) = self.edge {
-                self.context.note_read(edge, &stamp);
-            }
-            if self.is_cause {
-                self.context.causality().propagate(&stamp);
-            }
-            let sample = self.current.insert(sample);
-            return Some((stamp, sample.payload()));
+        if !queue.take(self.effects.context()) {
+            return None;
         }
+        let (stamp, values) = queue.current()?;
+        self.effects.first_read(stamp);
+        self.effects.read(stamp);
+        Some((*stamp, values))
     }
 
     /// The slice read last.
     pub fn current(&self) -> Option<(Stamp, &[T])> {
-        let current = self.current.as_ref().filter(|_| self.episode == self.context.episode());
-        current.map(|sample| (*sample.user_header(), sample.payload()))
+        let queue = self.queue.as_ref().filter(|_| self.effects.is_of_this_episode())?;
+        queue.current().map(|(stamp, values)| (*stamp, values))
     }
 
     /// Slices that were overwritten before they were read.
     pub fn lost(&self) -> u64 {
-        self.lost
+        self.queue.as_ref().map_or(0, StreamReader::lost)
     }
 }
-
-type SlicePublisher<T> = Publisher<Shared, [T], Stamp>;
 
 /// An output port that writes slices of up to a declared longest length, in place.
 ///
@@ -148,7 +92,7 @@ type SlicePublisher<T> = Publisher<Shared, [T], Stamp>;
 pub struct SliceOutput<T: StateBuffer> {
     port: &'static str,
     longest: usize,
-    wired: Option<(Rc<SlicePublisher<T>>, Wired)>,
+    wired: Option<(StreamWriter<[T]>, TopicWriter)>,
     scratch: Vec<T>,
     context: Rc<Context>,
 }
@@ -156,7 +100,7 @@ pub struct SliceOutput<T: StateBuffer> {
 /// A slice to fill in place and publish. Dropping it publishes nothing.
 #[derive(Debug)]
 pub struct SliceLoan<'a, T: StateBuffer> {
-    sample: Option<SampleMut<Shared, [T], Stamp>>,
+    sample: Option<Lent<[T]>>,
     length: usize,
     output: &'a mut SliceOutput<T>,
 }
@@ -167,37 +111,24 @@ impl<T: StateBuffer> SliceOutput<T> {
     }
 
     pub(crate) fn open(
-        node: &Node<Shared>,
-        topic: (usize, &TopicPlan),
+        participant: &Participant,
+        place: OutputPlace<'_>,
         port: &'static str,
-        probes: Vec<Probe>,
-        context: Rc<Context>,
     ) -> Result<Self, PortError> {
-        let (index, topic) = topic;
+        let topic = place.topic;
+        same_layout::<T>(topic, port)?;
         let TopicPattern::Slices { longest, .. } = topic.pattern else {
             return Err(refused(&topic.name, "opening a port for slices")(&"it carries single values"));
         };
-        let publisher = open_slices::<T>(node, topic, port)?
-            .publisher_builder()
-            .max_loaned_samples(1)
-            .initial_max_slice_len(longest)
-            .create()
-            .map_err(|error| refused(&topic.name, "making a publisher")(&error))?;
-        let wired = Wired::new(index, context.memory(node, topic)?, None, probes);
-        Ok(Self { port, longest, wired: Some((Rc::new(publisher), wired)), scratch: Vec::new(), context })
-    }
-
-    /// The worker ends every step of this output's component.
-    pub(crate) fn ending_steps(mut self, stays_on_core: bool) -> Self {
-        if let Some((_, wired)) = &mut self.wired {
-            wired.ending_steps(&self.context, stays_on_core);
-        }
-        self
+        let stream = StreamWriter::<[T]>::open(participant, topic, longest)?;
+        let topic = TopicWriter::new(participant, place, participant.memory(topic)?, None);
+        let context = participant.context().clone();
+        Ok(Self { port, longest, wired: Some((stream, topic)), scratch: Vec::new(), context })
     }
 
     /// The connection to be made before the first step.
     pub(crate) fn connection(&self) -> Option<Rc<dyn Connect>> {
-        self.wired.as_ref().map(|(publisher, _)| publisher.clone() as Rc<dyn Connect>)
+        self.wired.as_ref().map(|(stream, _)| stream.connection())
     }
 
     /// True if the graph wires this output.
@@ -221,13 +152,7 @@ impl<T: StateBuffer> SliceOutput<T> {
         }
         let sample = match &self.wired {
             None => None,
-            Some((publisher, _)) => {
-                let sample =
-                    publisher.loan_slice_uninit(length).map_err(|_| failed("no sample could be lent"))?;
-                // SAFETY: the memory is mapped, initialised by the system or an earlier sample, and every bit pattern
-                // is a valid `T` (the contract of `Field`).
-                Some(unsafe { sample.assume_init() })
-            }
+            Some((stream, _)) => Some(stream.lend(length).ok_or_else(|| failed("no sample could be lent"))?),
         };
         Ok(SliceLoan { sample, length, output: self })
     }
@@ -279,43 +204,13 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
             add(&self.output.context.block().refused, 1);
             return Err(StepError::InvalidOutput { port, defect });
         }
-        let Self { sample, output, .. } = self;
-        let context = &*output.context;
-        let (Some(mut sample), Some((_, wired))) = (sample, &mut output.wired) else { return Ok(()) };
-        let now = context.clock().now_ns();
-        if context.withholds(now) {
-            add(&context.block().refused, 1);
-            return Ok(());
-        }
-        let source = source_time(context, source_ns, now)
-            .map_err(|ahead_ns| StepError::SourceInFuture { port, ahead_ns })?;
-        let stamp = stamp(context, wired.next_number(), now, source);
-        if context.clock().is_lockstep() {
-            wired.digest(context, stamp, |digest| {
-                digest.write_u64(sample.payload().len() as u64);
-                T::digest_all(sample.payload(), digest);
-            });
-        }
-        *sample.user_header_mut() = stamp;
-        sample.send().map_err(|_| StepError::Transport { port, reason: "the sample was not sent" })?;
-        wired.count(context, now);
-        wired.announce(context, stamp);
-        Ok(())
-    }
-}
-
-impl<T: StateBuffer> Connect for Subscriber<Shared, [T], Stamp> {
-    fn connect(&self) -> Result<(), String> {
-        self.update_connections().map_err(|error| error.to_string())
-    }
-
-    fn begin_episode(&self) {
-        while matches!(self.receive(), Ok(Some(_))) {}
-    }
-}
-
-impl<T: StateBuffer> Connect for SlicePublisher<T> {
-    fn connect(&self) -> Result<(), String> {
-        self.update_connections().map_err(|error| error.to_string())
+        let Self { sample, output: SliceOutput { wired, context, .. }, .. } = self;
+        let (Some(sample), Some((stream, topic))) = (sample, wired) else { return Ok(()) };
+        let digest = |sample: &Lent<[T]>, digest: &mut Digest| {
+            digest.write_u64(sample.payload().len() as u64);
+            T::digest_all(sample.payload(), digest);
+        };
+        let send = |sample, stamp| stream.send(sample, stamp);
+        topic.publish(context, source_ns, sample, digest, send).or_else(|reason| reason.for_step(port))
     }
 }

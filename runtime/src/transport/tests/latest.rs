@@ -90,14 +90,14 @@ fn a_trigger_is_due_for_what_was_published_before_its_first_wait() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let mut output = bench.output::<Wrench>();
     output.send(&wrench(1.0)).unwrap();
-    let trigger = open_trigger(&bench.node, bench.topic(), &bench.context(1)).unwrap();
+    let trigger = bench.participant(1).trigger(bench.topic()).unwrap();
     assert_eq!(trigger.first_seen(), 0);
     trigger.wait();
     assert_eq!(trigger.newest().0, 1);
     assert!(!trigger.is_due());
     // One that was restarted begins with what comes.
     bench.region.components()[1].restarts.store(1, std::sync::atomic::Ordering::Relaxed);
-    assert_eq!(open_trigger(&bench.node, bench.topic(), &bench.context(1)).unwrap().first_seen(), 1);
+    assert_eq!(bench.participant(1).trigger(bench.topic()).unwrap().first_seen(), 1);
 }
 
 #[test]

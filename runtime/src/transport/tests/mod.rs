@@ -7,7 +7,9 @@ mod streams;
 use std::rc::Rc;
 
 use super::*;
+use crate::context::Context;
 use crate::declare::{Declare, ParameterValue, TopicPattern};
+use crate::parameter::{ParameterReader, ParameterService};
 use crate::plan::*;
 use crate::region::Region;
 use crate::run_folder::RunFolder;
@@ -61,7 +63,7 @@ struct Bench {
     folder: RunFolder,
     plan: Plan,
     region: Rc<Region>,
-    node: iceoryx2::node::Node<Shared>,
+    node: Rc<iceoryx2::node::Node<Shared>>,
     _service: TopicService,
     _parameters: Option<ParameterService>,
 }
@@ -102,7 +104,7 @@ impl Bench {
             trace_events: 0,
         };
         let (folder, region) = RunFolder::create(&plan).unwrap();
-        let node = folder.domain().unwrap().node().unwrap();
+        let node = Rc::new(folder.domain().unwrap().node().unwrap());
         let service = TopicService::create(&node, &plan.topics[0]).unwrap();
         let parameters = ParameterService::create(&node, &plan.components[1]).unwrap();
         Self { folder, plan, region: Rc::new(region), node, _service: service, _parameters: parameters }
@@ -123,11 +125,19 @@ impl Bench {
     fn try_input<T: StateBuffer>(&self) -> Result<Input<T>, PortError> {
         let topic = self.topic();
         let place = InputPlace { index: 0, topic, port: "input", pin: 0, is_cause: false, edge: Some(0) };
-        Input::open(&self.node, place, self.context(1))
+        Input::open(&self.participant(1), &place)
     }
 
     fn output<T: StateBuffer>(&self) -> Output<T> {
-        Output::open(&self.node, (0, self.topic()), "output", Vec::new(), self.context(0)).unwrap()
+        Output::open(&self.participant(0), self.output_place(), "output").unwrap()
+    }
+
+    fn output_place(&self) -> OutputPlace<'_> {
+        OutputPlace { index: 0, topic: self.topic(), probes: Vec::new(), wakes_late: false }
+    }
+
+    fn participant(&self, index: usize) -> Participant {
+        Participant::new(self.node.clone(), self.context(index))
     }
 }
 
@@ -148,10 +158,10 @@ fn under_hold_what_is_made_after_the_deadline_is_withheld_and_counted_and_under_
     {
         let mut bench = Bench::new(Wrench::layout(), TopicPattern::State);
         bench.plan.components[0].on_overrun = policy;
-        let context = bench.context(0);
+        let participant = bench.participant(0);
+        let context = participant.context().clone();
         let mut input = bench.input::<Wrench>();
-        let mut output =
-            Output::open(&bench.node, (0, bench.topic()), "output", Vec::new(), context.clone()).unwrap();
+        let mut output = Output::open(&participant, bench.output_place(), "output").unwrap();
         let holds = policy == OnOverrun::Hold;
         context.enter_step(1_000, 1_000, 2_000);
         assert_eq!([1_999, 2_000, 2_001].map(|now| context.withholds(now)), [false, false, holds]);

@@ -25,11 +25,10 @@ fn a_stream_gives_every_sample_in_order_and_counts_what_it_lost() {
 #[test]
 fn slices_of_any_length_up_to_the_declared_one_arrive_whole_and_in_order() {
     let bench = Bench::new(u16::layout(), TopicPattern::Slices { capacity: 4, longest: 1_000 });
-    let (node, topic) = (&bench.node, bench.topic());
-    let mut output =
-        SliceOutput::<u16>::open(node, (0, topic), "output", Vec::new(), bench.context(0)).unwrap();
+    let mut output = SliceOutput::<u16>::open(&bench.participant(0), bench.output_place(), "output").unwrap();
+    let topic = bench.topic();
     let place = InputPlace { index: 0, topic, port: "input", pin: 0, is_cause: false, edge: Some(0) };
-    let mut input = SliceInput::<u16>::open(node, place, bench.context(1)).unwrap();
+    let mut input = SliceInput::<u16>::open(&bench.participant(1), &place).unwrap();
     assert!(input.next_unread().is_none());
     for length in [0, 1, 1_000] {
         let mut loan = output.loan(length).unwrap();
@@ -56,9 +55,7 @@ fn slices_of_any_length_up_to_the_declared_one_arrive_whole_and_in_order() {
 #[test]
 fn a_slice_with_a_number_that_is_not_finite_is_not_published_and_single_values_do_not_meet_slices() {
     let bench = Bench::new(f32::layout(), TopicPattern::Slices { capacity: 4, longest: 8 });
-    let (node, topic) = (&bench.node, bench.topic());
-    let mut output =
-        SliceOutput::<f32>::open(node, (0, topic), "output", Vec::new(), bench.context(0)).unwrap();
+    let mut output = SliceOutput::<f32>::open(&bench.participant(0), bench.output_place(), "output").unwrap();
     let mut loan = output.loan(8).unwrap();
     loan.fill(1.0);
     loan[5] = f32::NAN;

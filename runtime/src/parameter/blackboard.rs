@@ -9,10 +9,9 @@ use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable as _;
 
 use super::Numbers;
 use crate::declare::{MAX_PARAMETER_NUMBERS, ParameterDeclaration, ParameterValue};
+use crate::domain::{ServiceError, Shared, refused, service_name};
 use crate::plan::{ComponentPlan, ParameterPlan};
 use crate::state::Field;
-use crate::transport::topic::{refused, service_name};
-use crate::transport::{PortError, Shared};
 
 crate::state_buffer! {
     /// The values of all parameters of a component, in the order of their declaration: the bits of a number each, of a
@@ -87,6 +86,14 @@ pub(super) fn initial(component: &ComponentPlan) -> RawTable {
     table
 }
 
+/// The error of an operation on the parameters of a component.
+pub(super) fn failed(
+    component: &str,
+    action: &'static str,
+) -> impl Fn(&dyn core::fmt::Display) -> ServiceError {
+    refused(format!("component `{component}`"), action)
+}
+
 /// A blackboard of one component's parameters, held by the launcher.
 #[derive(Debug)]
 pub(crate) struct ParameterService {
@@ -95,7 +102,10 @@ pub(crate) struct ParameterService {
 
 impl ParameterService {
     /// Makes the blackboard of a component, if it has parameters.
-    pub(crate) fn create(node: &Node<Shared>, component: &ComponentPlan) -> Result<Option<Self>, PortError> {
+    pub(crate) fn create(
+        node: &Node<Shared>,
+        component: &ComponentPlan,
+    ) -> Result<Option<Self>, ServiceError> {
         if component.parameters.is_empty() {
             return Ok(None);
         }
@@ -107,7 +117,7 @@ impl ParameterService {
             .max_nodes(12)
             .add(ENTRY, initial(component))
             .create()
-            .map_err(|error| refused(name, "creating its parameters")(&error))?;
+            .map_err(|error| failed(name, "creating its parameters")(&error))?;
         Ok(Some(Self { service }))
     }
 
@@ -135,7 +145,7 @@ struct Port {
 }
 
 impl ParameterReader {
-    pub(crate) fn open(node: &Node<Shared>, component: &ComponentPlan) -> Result<Self, PortError> {
+    pub(crate) fn open(node: &Node<Shared>, component: &ComponentPlan) -> Result<Self, ServiceError> {
         let parameters = component.parameters.clone();
         let table = initial(component);
         let count: usize = parameters.iter().map(|plan| plan.declaration.numbers()).sum();
@@ -187,18 +197,18 @@ impl ParameterReader {
 }
 
 impl Port {
-    fn open(node: &Node<Shared>, name: &str) -> Result<Self, PortError> {
+    fn open(node: &Node<Shared>, name: &str) -> Result<Self, ServiceError> {
         let reader = node
             .service_builder(&service_name("parameters", name)?)
             .blackboard_opener::<u64>()
             .open()
-            .map_err(|error| refused(name, "opening its parameters")(&error))?
+            .map_err(|error| failed(name, "opening its parameters")(&error))?
             .reader_builder()
             .create()
-            .map_err(|error| refused(name, "reading its parameters")(&error))?;
+            .map_err(|error| failed(name, "reading its parameters")(&error))?;
         let handle = reader
             .entry::<RawTable>(&ENTRY)
-            .map_err(|error| refused(name, "reading its parameters")(&error))?;
+            .map_err(|error| failed(name, "reading its parameters")(&error))?;
         Ok(Self { handle, seen: None, _reader: reader })
     }
 }

@@ -1,6 +1,10 @@
-//! One iceoryx2 domain per run, in the run's own folder.
+//! One iceoryx2 domain per run, in the run's own folder: its nodes, its services, its choice of mechanisms.
 
 #![allow(unsafe_code)] // iceoryx2's counter of nodes is made before iceoryx2 makes it for all users
+
+mod pool_allocated;
+mod service;
+mod variant;
 
 use std::path::{Path, PathBuf};
 
@@ -14,8 +18,11 @@ use iceoryx2_cal::named_concept::{
     NamedConceptBuilder as _, NamedConceptConfiguration as _, NamedConceptMgmt,
 };
 
-use super::Shared;
 use crate::os::with_shortage;
+
+pub use service::ServiceError;
+pub(crate) use service::{refused, service_name};
+pub use variant::Shared;
 
 /// The folder of all shared memory objects.
 pub const SHARED_MEMORY: &str = "/dev/shm";
@@ -184,4 +191,9 @@ impl Domain {
     pub fn config(&self) -> &Config {
         &self.config
     }
+}
+
+/// Quietens iceoryx2's own log to what its user must know; its errors come back as values anyway.
+pub fn quieten() {
+    iceoryx2::prelude::set_log_level(iceoryx2::prelude::LogLevel::Fatal);
 }

@@ -2,12 +2,11 @@
 
 use iceoryx2::node::Node;
 
-use super::blackboard::{ENTRY, ParameterReader, RawTable, encode, places};
+use super::blackboard::{ENTRY, ParameterReader, RawTable, encode, failed, places};
 use crate::declare::ParameterValue;
+use crate::domain::{Domain, DomainError, ServiceError, Shared, service_name};
 use crate::nearest::suggest;
 use crate::plan::{ComponentPlan, ParameterPlan, Plan};
-use crate::transport::topic::{refused, service_name};
-use crate::transport::{Domain, DomainError, PortError, Shared};
 
 /// A parameter could not be read or set from outside.
 #[derive(Debug, thiserror::Error)]
@@ -20,7 +19,7 @@ pub enum ParameterError {
     Refused(String),
     /// The run cannot be reached.
     #[error(transparent)]
-    Port(#[from] PortError),
+    Service(#[from] ServiceError),
     /// The run's domain cannot be joined.
     #[error(transparent)]
     Domain(#[from] DomainError),
@@ -131,22 +130,22 @@ impl ParameterTable {
             .service_builder(&service_name("parameters", name)?)
             .blackboard_opener::<u64>()
             .open()
-            .map_err(|error| refused(name, "opening its parameters")(&error))?;
+            .map_err(|error| failed(name, "opening its parameters")(&error))?;
         // There is one writer at a time: nobody changes the table between the reading and the writing below.
         let writer = service
             .writer_builder()
             .create()
-            .map_err(|error| refused(name, "writing its parameters")(&error))?;
+            .map_err(|error| failed(name, "writing its parameters")(&error))?;
         let entry = writer
             .entry::<RawTable>(&ENTRY)
-            .map_err(|error| refused(name, "writing its parameters")(&error))?;
+            .map_err(|error| failed(name, "writing its parameters")(&error))?;
         let reader = service
             .reader_builder()
             .create()
-            .map_err(|error| refused(name, "reading its parameters")(&error))?;
+            .map_err(|error| failed(name, "reading its parameters")(&error))?;
         let handle = reader
             .entry::<RawTable>(&ENTRY)
-            .map_err(|error| refused(name, "reading its parameters")(&error))?;
+            .map_err(|error| failed(name, "reading its parameters")(&error))?;
         let mut table = *handle.get();
         for (_, place, plan, value) in values {
             let places = *place..place + plan.declaration.numbers();

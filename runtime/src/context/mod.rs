@@ -5,18 +5,14 @@ mod clock;
 mod deferred;
 mod signals;
 
-use std::cell::{Cell, RefCell};
-use std::rc::{Rc, Weak};
+use std::cell::Cell;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
-use iceoryx2::node::Node;
-
-use super::latest::TopicMemory;
-use super::{PortError, Shared};
 use crate::os::{current_core, monotonic_ns};
-use crate::plan::{Activation, OnOverrun, Plan, TopicPlan};
+use crate::plan::{Activation, OnOverrun, Plan};
 use crate::region::{Command, ComponentBlock, Region, TraceEvent, TraceWriter};
 use crate::state::Stamp;
 
@@ -31,7 +27,7 @@ const CORE_LOOK_UP: u32 = 64;
 /// The state that the ports, the setup and the loop of one component share: its identity in the run, its clock, the
 /// times that its step passes on, the work put off to the end of the step, and the signals it received.
 #[derive(Debug)]
-pub struct Context {
+pub(crate) struct Context {
     region: Rc<Region>,
     index: usize,
     restart_count: u32,
@@ -46,10 +42,10 @@ pub struct Context {
     trace: Option<TraceWriter>,
     /// Number of the episode.
     episode: Cell<u64>,
+    /// Episodes begun: what a port has read or published belongs to one of them.
+    era: Cell<u32>,
     /// The core found by the last look-up, and the number of requests so far.
     core: Cell<(usize, u32)>,
-    /// The memory of the topics that the ports have joined, by the name of the topic.
-    topics: RefCell<Vec<(String, Weak<TopicMemory>)>>,
 }
 
 impl Context {
@@ -67,8 +63,8 @@ impl Context {
             signals: Arc::default(),
             trace: None,
             episode: Cell::new(region.header().episode.load(Relaxed)),
+            era: Cell::new(0),
             core: Cell::new((0, 0)),
-            topics: RefCell::default(),
             region,
         }
     }
@@ -130,23 +126,6 @@ impl Context {
         core
     }
 
-    /// The memory of a topic, mapped once for all ports of the component.
-    pub(crate) fn memory(
-        &self,
-        node: &Node<Shared>,
-        topic: &TopicPlan,
-    ) -> Result<Rc<TopicMemory>, PortError> {
-        let mut topics = self.topics.borrow_mut();
-        let open = topics.iter().find(|(name, _)| *name == topic.name).and_then(|(_, open)| open.upgrade());
-        if let Some(memory) = open {
-            return Ok(memory);
-        }
-        let memory = Rc::new(TopicMemory::open(node, topic)?);
-        topics.retain(|(name, _)| *name != topic.name);
-        topics.push((topic.name.clone(), Rc::downgrade(&memory)));
-        Ok(memory)
-    }
-
     /// Prepares a step: sets its times (ns on the clock of stamps) and forgets the source time of the step before.
     #[inline]
     pub(crate) fn enter_step(&self, time_ns: u64, woken_ns: u64, deadline_ns: u64) {
@@ -160,17 +139,19 @@ impl Context {
         self.episode.get()
     }
 
+    /// Number of episodes begun by now: a port drops what is from another one.
+    #[inline]
+    pub(crate) fn era(&self) -> u32 {
+        self.era.get()
+    }
+
     /// Begins an episode: the clock starts anew, inputs have nothing to read, outputs have published nothing.
     pub(crate) fn begin_episode(&self, index: u64) {
         self.episode.set(index);
+        self.era.set(self.era.get().wrapping_add(1));
         self.clock.begin();
         self.causality.enter_step();
         self.deferred.begin_episode();
-        for (_, topic) in self.topics.borrow().iter() {
-            if let Some(memory) = topic.upgrade() {
-                memory.begin_era();
-            }
-        }
     }
 
     /// Notes that a sample was read for the first time: its age as of the start of the step, which is recorded when the step

@@ -1,0 +1,212 @@
+//! The steps of a publication that are the same for every output: stamp, publish, wake, count.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::atomic::Ordering::Relaxed;
+
+use super::Participant;
+use super::latest::{StateWriter, TopicMemory};
+use crate::context::{AfterStep, Context};
+use crate::declare::StepError;
+use crate::plan::{OnMiss, TopicPlan};
+use crate::region::{Command, add};
+use crate::state::{Digest, FUTURE_TOLERANCE_NS, Stamp};
+
+/// The place of an output in the graph.
+#[derive(Debug)]
+pub(crate) struct OutputPlace<'a> {
+    /// Index of the topic.
+    pub(crate) index: usize,
+    pub(crate) topic: &'a TopicPlan,
+    /// The latency budgets that end at the output.
+    pub(crate) probes: Vec<Probe>,
+    /// True if a worker ends each step, and all components that the topic triggers run on its core: they are woken then.
+    pub(crate) wakes_late: bool,
+}
+
+/// A latency budget that ends at an output.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Probe {
+    pub(crate) index: usize,
+    pub(crate) max_ns: u64,
+    pub(crate) on_miss: OnMiss,
+}
+
+/// The writing end of a topic, the same for all types.
+#[derive(Debug)]
+pub(super) struct TopicWriter {
+    topic: usize,
+    after: Rc<AfterOutput>,
+    wakes_late: bool,
+    probes: Vec<Probe>,
+    digest: Digest,
+}
+
+/// The reason why a value was not published.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Unpublished {
+    /// The step is past its deadline, and its overrun policy is `hold`.
+    Late,
+    /// Its source time lies so many nanoseconds ahead of the clock.
+    InFuture { ahead_ns: u64 },
+    /// iceoryx2 did not send it.
+    NotSent,
+}
+
+impl Unpublished {
+    /// The outcome for a step: a value that is withheld by its policy is counted, and no error.
+    pub(super) fn for_step(self, port: &'static str) -> Result<(), StepError> {
+        match self {
+            Self::Late => Ok(()),
+            Self::InFuture { ahead_ns } => Err(StepError::SourceInFuture { port, ahead_ns }),
+            Self::NotSent => Err(StepError::Transport { port, reason: "the sample was not sent" }),
+        }
+    }
+}
+
+impl TopicWriter {
+    /// The writing end of a topic: by its slots if `state` is given, else through queues.
+    pub(super) fn new(
+        participant: &Participant,
+        place: OutputPlace<'_>,
+        memory: Rc<TopicMemory>,
+        state: Option<Rc<StateWriter>>,
+    ) -> Self {
+        let OutputPlace { index, probes, wakes_late, .. } = place;
+        let (owes_wake, owes_slot) = (Cell::new(false), Cell::new(false));
+        let after = Rc::new(AfterOutput { memory, state, owes_wake, owes_slot });
+        participant.context().deferred().add(after.clone());
+        Self { topic: index, after, wakes_late, probes, digest: Digest::default() }
+    }
+
+    /// Publishes what was filled: the slot of a state, or else `value`, which `send` sends. `digest` takes in the content.
+    #[inline(always)]
+    pub(super) fn publish<V>(
+        &mut self,
+        context: &Context,
+        source_ns: Option<u64>,
+        value: V,
+        digest: impl FnOnce(&V, &mut Digest),
+        send: impl FnOnce(V, Stamp) -> bool,
+    ) -> Result<(), Unpublished> {
+        let now = context.clock().now_ns();
+        if context.withholds(now) {
+            add(&context.block().refused, 1);
+            return Err(Unpublished::Late);
+        }
+        let source_time = source_time(context, source_ns, now)?;
+        let sequence = match &self.after.state {
+            Some(state) => state.number(),
+            None => self.after.memory.newest().number() + 1,
+        };
+        let stamp = Stamp {
+            sequence,
+            source_time,
+            publish_time: now,
+            state_time: context.causality().state_time_or(context.clock().step_ns()),
+            episode: context.episode(),
+            publisher: context.index() as u32,
+            restart_count: context.restart_count(),
+        };
+        if context.clock().is_lockstep() {
+            self.digest(context, stamp, |all| digest(&value, all));
+        }
+        let memory = &self.after.memory;
+        memory.publish_from(context.core());
+        if let Some(state) = &self.after.state {
+            state.publish(stamp);
+        } else if send(value, stamp) {
+            memory.count(now);
+        } else {
+            return Err(Unpublished::NotSent);
+        }
+        self.announce(context, stamp);
+        Ok(())
+    }
+
+    /// Takes a value into the digest of everything published on the topic.
+    fn digest(&mut self, context: &Context, stamp: Stamp, value: impl FnOnce(&mut Digest)) {
+        if stamp.sequence == 1 {
+            // The first of an episode.
+            self.digest = Digest::default();
+        }
+        self.digest.write_u64(stamp.sequence);
+        self.digest.write_u64(stamp.publish_time);
+        value(&mut self.digest);
+        context.region().topics()[self.topic].digest.store(self.digest.finish(), Relaxed);
+    }
+
+    /// Wakes the waiting components, counts the publication and measures its latency.
+    fn announce(&self, context: &Context, stamp: Stamp) {
+        let region = context.region();
+        if self.wakes_late {
+            self.after.owes_wake.set(true);
+        } else if !context.clock().is_lockstep() {
+            self.after.memory.notify();
+        }
+        self.after.owes_slot.set(true);
+        if !self.wakes_late {
+            self.after.prepare();
+        }
+        let block = &region.topics()[self.topic];
+        block.last_publish_ns.store(stamp.publish_time, Relaxed);
+        block.published.store(stamp.sequence, Relaxed);
+        for probe in &self.probes {
+            let latency = stamp.publish_time.saturating_sub(stamp.source_time);
+            let measured = &region.latencies()[probe.index];
+            measured.latency.record(latency);
+            if latency > probe.max_ns {
+                add(&measured.missed, 1);
+                if probe.on_miss == OnMiss::SafeStop {
+                    region.header().order(Command::SafeStop);
+                }
+            }
+        }
+        context.note_published(self.topic, &stamp);
+    }
+}
+
+/// The source time of a publication of this step at `now`: the given one, or that of the step's input. One too far ahead
+/// of the clock is counted as refused.
+#[inline(always)]
+fn source_time(context: &Context, given: Option<u64>, now: u64) -> Result<u64, Unpublished> {
+    let Some(given) = given else { return Ok(context.causality().source_time_or(now)) };
+    if given > now.saturating_add(FUTURE_TOLERANCE_NS) {
+        add(&context.block().refused, 1);
+        return Err(Unpublished::InFuture { ahead_ns: given - now });
+    }
+    Ok(given.min(now))
+}
+
+/// The work of one output at the end of a step.
+#[derive(Debug)]
+struct AfterOutput {
+    memory: Rc<TopicMemory>,
+    state: Option<Rc<StateWriter>>,
+    owes_wake: Cell<bool>,
+    owes_slot: Cell<bool>,
+}
+
+impl AfterStep for AfterOutput {
+    fn begin_episode(&self) {
+        self.owes_wake.set(false);
+        self.owes_slot.set(false);
+        if let Some(state) = &self.state {
+            state.begin_episode();
+        }
+    }
+
+    fn wake(&self) {
+        if self.owes_wake.take() {
+            self.memory.notify();
+        }
+    }
+
+    fn prepare(&self) {
+        if self.owes_slot.take()
+            && let Some(state) = &self.state
+        {
+            state.prepare();
+        }
+    }
+}
