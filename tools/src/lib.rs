@@ -11,7 +11,6 @@ mod metrics;
 mod out;
 mod overheads;
 mod printer;
-mod progress;
 mod registry;
 mod report;
 mod robots;

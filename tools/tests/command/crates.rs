@@ -18,9 +18,9 @@ use serde::Deserialize;
 ///
 /// What goes with each subtree, where all others stay: iceoryx2 32, `mcap` and `foxglove` 26, `ratatui` 26, serde, its formats and
 /// schemas 19, the crates of the project 16, `parry3d` and `rapier3d` 15, clap 14, `can-dbc` 14, `clarabel` 14, `urdf-rs` 9,
-/// `nalgebra` 7, `socketcan` 7, `prometheus-client` 3. Without the screen of `top`, databases of CAN messages, cones, URDF, the
-/// kernel's buses and metrics, 75 crates fewer, there are still 201.
-const CEILING: usize = 276;
+/// `nalgebra` 7, `socketcan` 7, `indicatif` 4, `prometheus-client` 3. Without the screen of `top`, databases of CAN messages, cones, URDF, the
+/// kernel's buses and metrics, 75 crates fewer, there are still 205.
+const CEILING: usize = 280;
 
 /// Crates that `cargo build --release -p motorium-view` may compile, counted in the same way. It is a program of its own for their
 /// sake: Foxglove's server runs on tokio.

@@ -1,15 +1,16 @@
 //! `motorium library couple`: a coupling from pictures of letters to their movements.
 
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
+use indicatif::{ProgressBar, ProgressStyle};
 use motorium_learners::perception::{Coupling, Training};
 use motorium_library::{DAMPING, SampledSpring};
 
 use super::source::Source;
 use crate::out::outln;
-use crate::progress::Progress;
 
 /// Train a network that writes letters from their pictures.
 ///
@@ -56,14 +57,19 @@ impl Couple {
             seed: self.seed,
             ..Training::default()
         };
-        let bar = if self.json { Progress::hidden() } else { Progress::new("", self.epochs as u64) };
+        let shown = !self.json && std::io::stderr().is_terminal();
+        let bar = if shown { ProgressBar::new(self.epochs as u64) } else { ProgressBar::hidden() };
+        if let Ok(style) = ProgressStyle::with_template("epoch {pos} of {len} {bar:40} {elapsed}, loss {msg}")
+        {
+            bar.set_style(style);
+        }
         let mut losses = Vec::new();
         let coupling = Coupling::train(&letters, spring, &training, |_, loss| {
             losses.push(loss);
-            bar.title(format!("epoch {} of {}, loss {loss:.2e}", losses.len(), self.epochs));
-            bar.add(1);
+            bar.set_message(format!("{loss:.2e}"));
+            bar.inc(1);
         })?;
-        bar.clear();
+        bar.finish_and_clear();
         coupling.write(&self.output).with_context(|| self.output.display().to_string())?;
         let (first, last) = (losses[0], losses[losses.len() - 1]);
         if self.json {

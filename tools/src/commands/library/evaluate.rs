@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use indicatif::ProgressBar;
 use motorium_library::cross_validation::BASES;
 use motorium_library::statistics::mean_and_deviation;
 use motorium_library::{CrossValidation, Recordings};
@@ -10,7 +11,6 @@ use motorium_library::{CrossValidation, Recordings};
 use super::source::{Shape, Source};
 use crate::chart::{Chart, Series};
 use crate::out::outln;
-use crate::progress::Progress;
 
 /// Learn from one part of recordings, and measure errors and recognition on the rest.
 ///
@@ -54,7 +54,7 @@ impl Evaluate {
                 .collect(),
         };
         let mut measured = CrossValidation::new(self.eigenforces.clone());
-        let bar = Progress::new("", (measured.progress_of_split() * splits.len()) as u64);
+        let bar = ProgressBar::new((measured.progress_of_split() * splits.len()) as u64);
         let mut sizes = (0, 0);
         for (seen, held) in &splits {
             sizes = (seen.trajectories.len(), held.trajectories.len());
@@ -64,9 +64,9 @@ impl Evaluate {
                 all.trajectories.len(),
                 self.hold_out
             );
-            measured.add(seen, held, spring, || bar.add(1))?;
+            measured.add(seen, held, spring, || bar.inc(1))?;
         }
-        bar.clear();
+        bar.finish_and_clear();
         if let Some(plot) = &self.plot {
             std::fs::write(plot, self.chart(&measured).svg())?;
         }

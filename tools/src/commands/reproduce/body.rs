@@ -18,7 +18,7 @@ pub(super) fn figures(writer: &mut FigureWriter, folder: &Path, searched: usize)
     let (seen, held) = windows(Recordings::read([folder], &selection)?);
     anyhow::ensure!(held.trajectories.len() > 10, "{}: too few movements", folder.display());
     let body = Body::learn(&seen)?;
-    writer.bar.add(1);
+    writer.bar.inc(1);
     spectra(writer, &seen, &body)?;
     let off = difference(&body.together, &body.whole);
     let claim = "libraries of arms and legs that moved together merge into that of the whole body";
@@ -50,7 +50,7 @@ fn spectra(writer: &mut FigureWriter, seen: &Recordings, body: &Body) -> anyhow:
         let points = together.iter().enumerate().map(|(k, sum)| [(k + 1) as f64, *sum, 0.0]).collect();
         series.push(Series { name: name.into(), points });
         off = off.max(difference(library, &learned_alone(seen, library)?));
-        writer.bar.add(1);
+        writer.bar.inc(1);
     }
     let title = "3.18  Variance explained together: the body and its parts";
     let axes = ["eigenforces", "part of the variance"];
@@ -90,7 +90,7 @@ fn composed(
             at.push((name, n, mean, error));
         }
         series.push(Series { name: name.into(), points });
-        writer.bar.add(1);
+        writer.bar.inc(1);
     }
     let title = "3.19  Arms of one movement with the legs of another";
     let axes = ["weights in all", "error of position / spread"];
@@ -125,7 +125,7 @@ fn composed(
             let search = Search::new(&space, &goals, body.whole.spring());
             series.push(Series { name: format!("{name}, n = {n}"), points: search.curve() });
             finals.push((name, n, search.reward()));
-            writer.bar.add(1);
+            writer.bar.inc(1);
         }
     }
     let title = "3.19  Policy search (PoWER) for composed movements";

@@ -97,7 +97,7 @@ impl Chapter3 {
         })?;
         let claims = serde_json::to_string_pretty(&writer.claims)?;
         writer.write("claims.json", &claims)?;
-        writer.bar.clear();
+        writer.bar.finish_and_clear();
         if self.json {
             let report = serde_json::json!({ "claims": writer.claims, "files": writer.files });
             outln!("{}", serde_json::to_string_pretty(&report)?);

@@ -26,7 +26,7 @@ pub(super) fn figures(
 ) -> anyhow::Result<()> {
     let force = MotionLibrary::build(seen, spring, Metric::Force, Truncation::All)?;
     let position = MotionLibrary::build(seen, spring, Metric::Position, Truncation::All)?;
-    writer.bar.add(2);
+    writer.bar.inc(2);
     spectrum(writer, &force)?;
     eigenforces(writer, &force)?;
     reproduction(writer, &force, held)?;
@@ -61,14 +61,14 @@ fn spectrum(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Resul
             explained.len()
         ),
     );
-    writer.bar.add(1);
+    writer.bar.inc(1);
     Ok(())
 }
 
 fn eigenforces(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Result<()> {
     let chart = crate::chart::eigenforces(library, "Eigenforces 1, 2, 3 and 10", [0, 1, 2, 9].into_iter());
     writer.chart("eigenforces", &chart)?;
-    writer.bar.add(1);
+    writer.bar.inc(1);
     Ok(())
 }
 
@@ -96,7 +96,7 @@ fn reproduction(writer: &mut FigureWriter, library: &MotionLibrary, held: &Recor
     }
     let title = "3.11  Held-out letters by the first n eigenforces";
     writer.write("fig-3-11-letters.svg", &tiles(title, &all, 4))?;
-    writer.bar.add(1);
+    writer.bar.inc(1);
     Ok(())
 }
 
@@ -127,7 +127,7 @@ fn kernels_of_eigenforces(writer: &mut FigureWriter, library: &MotionLibrary) ->
         fiftieth > 3.0 * second,
         format!("with 40 kernels the 2nd is off by {second:.3}, the 50th by {fiftieth:.3}; a table of samples has no error"),
     );
-    writer.bar.add(1);
+    writer.bar.inc(1);
     Ok(())
 }
 
@@ -139,7 +139,7 @@ fn bases(
 ) -> anyhow::Result<()> {
     let names = [FORCE, POSITION, "fourier", "kernels", BALANCED];
     let bar = writer.bar.clone();
-    let found = compare(&[(names[0], force), (names[1], position)], held, &TERMS, || bar.add(1));
+    let found = compare(&[(names[0], force), (names[1], position)], held, &TERMS, || bar.inc(1));
     let count = (held.trajectories.len().max(1) as f64).sqrt();
     let line = |name: &str, value: &dyn Fn(&Evaluation) -> [f64; 2]| Series {
         name: name.into(),
@@ -195,7 +195,7 @@ pub(super) fn splits(
     let mut measured = CrossValidation::new(vec![16, 32, 64]);
     for seed in 1..=count {
         let (held, seen) = all.split(0.2, seed);
-        measured.add(&seen, &held, spring, || bar.add(1))?;
+        measured.add(&seen, &held, spring, || bar.inc(1))?;
     }
     let mut csv = String::from("basis,weights,error of position,standard deviation over splits\n");
     for row in measured.errors() {
@@ -240,6 +240,6 @@ fn recognition(writer: &mut FigureWriter, library: &MotionLibrary, held: &Record
         sixteen > 0.9,
         format!("right: {four:.3} by 4 weights, {sixteen:.3} by 16, of {count} letters"),
     );
-    writer.bar.add(1);
+    writer.bar.inc(1);
     Ok(())
 }

@@ -30,7 +30,7 @@ pub(super) fn figure(
     for seed in 1..=seeds {
         let training = Training { epochs, seed, ..Training::default() };
         let bar = writer.bar.clone();
-        let network = letters.network(spring, &training, || bar.add(1))?;
+        let network = letters.network(spring, &training, || bar.inc(1))?;
         let losses = network.losses.iter().enumerate();
         let points = losses.map(|(epoch, loss)| [(epoch + 1) as f64, *loss, 0.0]).collect();
         series.push(Series { name: format!("seed {seed}"), points });

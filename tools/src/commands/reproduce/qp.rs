@@ -67,7 +67,7 @@ impl Qp {
         let mut runs = Vec::new();
         for stack in TaskStack::ALL {
             runs.push(run_stack(model, home.as_slice(), hand, stack, self.seconds)?);
-            writer.bar.add(1);
+            writer.bar.inc(1);
         }
         for Figure { file, title, y, value } in FIGURES {
             let series = TaskStack::ALL.iter().zip(&runs).map(|(stack, samples)| Series {
@@ -86,7 +86,7 @@ impl Qp {
             writer.chart(file, &chart)?;
         }
         claims(&mut writer, &runs);
-        writer.bar.clear();
+        writer.bar.finish_and_clear();
         if self.json {
             let report = serde_json::json!({ "claims": writer.claims, "files": writer.files });
             outln!("{}", serde_json::to_string_pretty(&report)?);

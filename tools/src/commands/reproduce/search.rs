@@ -57,7 +57,7 @@ pub(super) fn figure(
         let best = of_kernels.into_iter().max_by(|a, b| a.1.0.total_cmp(&b.1.0));
         let (prior, kernels) = best.unwrap_or(of_kernels[0]);
         finals.push(Found { n, library: of_library, kernels, prior });
-        writer.bar.add(1);
+        writer.bar.inc(1);
     }
     let title = "Policy search (PoWER) for held-out letters";
     writer.chart("power-letters", &chart(title, ["rollouts", "best reward"], [true, false], series))?;

@@ -1,14 +1,16 @@
 //! Figures and claims as they are collected, and what an interrupted run has done.
 
 use std::collections::BTreeMap;
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context as _;
+use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
 use crate::chart::Chart;
-use crate::progress::Progress as Bar;
+use crate::out::errln;
 
 /// A claim, and the verdict of this run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,7 +41,7 @@ struct Progress {
 /// Writer of the figures, and collector of the claims.
 pub(super) struct FigureWriter {
     folder: PathBuf,
-    pub(super) bar: Bar,
+    pub(super) bar: ProgressBar,
     pub(super) files: Vec<PathBuf>,
     pub(super) claims: Vec<Claim>,
     progress: Option<Progress>,
@@ -51,7 +53,12 @@ const PROGRESS: &str = "progress.json";
 impl FigureWriter {
     pub(super) fn new(folder: PathBuf, steps: u64) -> anyhow::Result<Self> {
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-        let bar = Bar::new("", steps);
+        let bar = ProgressBar::new(steps);
+        if let Ok(style) =
+            ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} %, {elapsed} of {duration}")
+        {
+            bar.set_style(style);
+        }
         Ok(Self { folder, bar, files: Vec::new(), claims: Vec::new(), progress: None })
     }
 
@@ -76,11 +83,11 @@ impl FigureWriter {
         name: &str,
         work: impl FnOnce(&mut Self) -> anyhow::Result<()>,
     ) -> anyhow::Result<()> {
-        self.bar.title(name.to_string());
+        self.bar.set_message(name.to_string());
         let known = self.progress.as_ref().and_then(|progress| progress.parts.get(name).cloned());
         if let Some(part) = known.filter(|part| part.files.iter().all(|file| file.is_file())) {
-            self.bar.say(&format!("{name}: done by an earlier run; --restart does it again"));
-            self.bar.add(part.steps);
+            self.say(&format!("{name}: done by an earlier run; --restart does it again"));
+            self.bar.inc(part.steps);
             self.files.extend(part.files);
             self.claims.extend(part.claims);
             return Ok(());
@@ -88,7 +95,7 @@ impl FigureWriter {
         let (began, steps) = (Instant::now(), self.bar.position());
         let (files, claims) = (self.files.len(), self.claims.len());
         work(self)?;
-        self.bar.say(&format!(
+        self.say(&format!(
             "{name}: {} files in {:.0} s",
             self.files.len() - files,
             began.elapsed().as_secs_f64()
@@ -105,6 +112,14 @@ impl FigureWriter {
             std::fs::write(&path, text).with_context(|| path.display().to_string())?;
         }
         Ok(())
+    }
+
+    /// A line where there is no bar.
+    fn say(&self, words: &str) {
+        match std::io::stderr().is_terminal() {
+            true => self.bar.println(words),
+            false => errln!("{words}"),
+        }
     }
 
     /// Writes a file.
@@ -141,7 +156,7 @@ mod tests {
             for name in ["one", "two"] {
                 let work = |writer: &mut FigureWriter| {
                     done += 1;
-                    writer.bar.add(2);
+                    writer.bar.inc(2);
                     writer.claim("1", name, true, "seen".into());
                     writer.write(&format!("{name}.txt"), name)
                 };

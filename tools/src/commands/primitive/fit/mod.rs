@@ -2,10 +2,12 @@
 
 mod report;
 
+use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context as _, bail};
+use indicatif::{ProgressBar, ProgressStyle};
 use motorium_primitives::dmp::{
     Demonstration, DmpModel, Regression, RhythmicModel, RhythmicSettings, Scaling, Settings, Variant,
 };
@@ -22,7 +24,6 @@ use report::{Report, text};
 use super::plot;
 use crate::chart::Panel;
 use crate::out::{out, outln};
-use crate::progress::Progress;
 
 /// Fit a movement primitive to recordings of one movement: CSV, JSON or JSON lines.
 ///
@@ -273,13 +274,13 @@ impl Fit {
                 "a distribution is fitted by expectation maximisation (the default) or ridge regression"
             ),
         };
-        let bar = if self.json { Progress::hidden() } else { Progress::new("fitting", 1000) };
+        let bar = progress_bar(!self.json);
         let basis = ProMpBasis::gaussian(self.kernels.unwrap_or(KERNELS), 0.7)?;
         let fit = ProMpFit { learning, ..ProMpFit::default() };
         let promp = ProMp::fit_with_progress(basis, &positions(shown), &fit, |part| {
-            bar.set((part * 1000.0) as u64);
+            bar.set_position((part * 1000.0) as u64);
         });
-        bar.clear();
+        bar.finish_and_clear();
         let mut promp = promp?;
         promp.set_duration(shown.duration)?;
         Ok(PrimitiveFile::probabilistic(shown.names.clone(), promp))
@@ -314,4 +315,16 @@ fn panels(shown: &Shown, reproduced: &[Trajectory]) -> Vec<Panel> {
         panel
     };
     shown.names.iter().enumerate().map(of).collect()
+}
+
+/// A bar on a terminal, nothing elsewhere.
+fn progress_bar(wanted: bool) -> ProgressBar {
+    if !(wanted && std::io::stderr().is_terminal()) {
+        return ProgressBar::hidden();
+    }
+    let bar = ProgressBar::new(1000);
+    if let Ok(style) = ProgressStyle::with_template("fitting {bar:40} {percent} %  {elapsed}") {
+        bar.set_style(style);
+    }
+    bar
 }
