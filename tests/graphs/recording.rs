@@ -143,7 +143,7 @@ fn a_full_disk_ends_the_recording_and_not_the_run() {
     let whole = folder.path().join("whole.mcap");
     let recovered = motorium(&["recover", text(&file), "--output", text(&whole)]);
     assert!(recovered.status.success(), "{}", String::from_utf8_lossy(&recovered.stderr));
-    let (code, said) = verified(&whole);
+    let (code, said) = verified(&whole, &[]);
     assert_eq!(code, Some(0), "{said}");
 }
 

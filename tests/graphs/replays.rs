@@ -60,7 +60,7 @@ fn an_arm_elsewhere_is_led_to_the_start_of_a_recording_within_its_limits_and_to_
     assert_eq!(plan.duration_ns, Some(3_200_000_000), "2 s, the recording, 500 ms");
     let mut session = launch(plan);
     let panda = motorium_robots::load("panda", Path::new(".")).expect("in the catalogue").model;
-    let mut state = |session: &mut Session<'_>, time: Duration| {
+    let state = |session: &mut Session<'_>, time: Duration| {
         session.step_until(time).expect("it goes on");
         session.read::<JointState>("panda/true_joint_state").expect("a state").map(|state| state.value)
     };
