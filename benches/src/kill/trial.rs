@@ -208,10 +208,12 @@ impl Trial {
                 (Victim::Component(_), Some(index)) => {
                     let block = &self.region.components()[index];
                     if block.restarts.load(Relaxed) > before.restarts {
-                        seen.detected_ns.get_or_insert(now_ns - injected_ns);
+                        seen.detected_ns.get_or_insert_with(|| monotonic_ns() - injected_ns);
                     }
+                    // Before it was detected the victim itself may have gone on: the first SIGSEGV is swallowed.
+                    let since_ns = injected_ns + seen.detected_ns.unwrap_or(0);
                     let back =
-                        block.phase() == Phase::Running && self.published_after(index, injected_ns, before);
+                        block.phase() == Phase::Running && self.published_after(index, since_ns, before);
                     let restarted = seen.detected_ns.is_some() || fault.passes();
                     if back && restarted && self.actuators_follow() {
                         if seen.detected_ns.is_some() {
@@ -283,11 +285,11 @@ impl Trial {
         })
     }
 
-    fn published_after(&self, component: usize, injected_ns: u64, before: &Before) -> bool {
+    fn published_after(&self, component: usize, since_ns: u64, before: &Before) -> bool {
         let mut outputs = self.plan.components[component].outputs.iter().filter_map(|port| port.topic);
         let steps = self.region.components()[component].steps.load(Relaxed);
         steps > before.steps
-            && outputs.all(|topic| self.region.topics()[topic].last_publish_ns.load(Relaxed) > injected_ns)
+            && outputs.all(|topic| self.region.topics()[topic].last_publish_ns.load(Relaxed) > since_ns)
     }
 
     /// True if no actuator is in its safe state.
