@@ -45,11 +45,24 @@ const TRACED: usize = 1 << 14;
 
 /// The two things compared.
 const GROUPS: &[(&str, &[&str])] = &[
-    ("polling across cores", &["floor.cache-line", "floor.plain.512", "hop.polling.across.512"]),
+    (
+        "polling across cores",
+        &["floor.cache-line", "floor.plain.512", "floor.plain-checked.512", "hop.polling.across.512"],
+    ),
     ("blocking on one core", &["floor.futex.same", "hop.blocking.same.512", "iceoryx2.same.512"]),
     ("blocking across cores", &["floor.futex.across", "hop.blocking.across.512", "iceoryx2.across.512"]),
-    ("64 KiB across cores", &["floor.plain-blocking.65536", "hop.blocking.across.65536"]),
-    ("1 MiB across cores", &["floor.plain-blocking.1048576", "hop.blocking.across.1048576"]),
+    (
+        "64 KiB across cores",
+        &["floor.plain-blocking.65536", "floor.plain-blocking-checked.65536", "hop.blocking.across.65536"],
+    ),
+    (
+        "1 MiB across cores",
+        &[
+            "floor.plain-blocking.1048576",
+            "floor.plain-blocking-checked.1048576",
+            "hop.blocking.across.1048576",
+        ],
+    ),
     ("release at 1 kHz", &["floor.timer", "release.1khz"]),
     ("chain of 4", &["floor.chain.4", "chain.4"]),
     ("chain of 8", &["floor.chain.8", "chain.8", "chain.8.traced"]),
@@ -66,7 +79,9 @@ pub(super) fn group(name: &str) -> Option<&'static str> {
 
 /// All cases, in the order they are measured: what is compared stands side by side.
 pub fn catalogue() -> Vec<Case> {
-    use Transport::{Blocking, CacheLine, Futex, Plain, PlainBlocking, Polling, Stock};
+    use Transport::{
+        Blocking, CacheLine, Futex, Plain, PlainBlocking, PlainBlockingChecked, PlainChecked, Polling, Stock,
+    };
     let mut cases = Vec::new();
     let mut add = |name: String, what: String, quick: bool, kind: Kind| {
         let group = group(&name);
@@ -80,6 +95,8 @@ pub fn catalogue() -> Vec<Case> {
     add("floor.cache-line".into(), line, true, ping_pong(CacheLine, true, 64, false));
     let plain = "a word and 512 B of plain memory across cores, written and read".to_string();
     add("floor.plain.512".into(), plain, true, ping_pong(Plain, true, 512, false));
+    let checked = "the same, its numbers checked, with a stamp".to_string();
+    add("floor.plain-checked.512".into(), checked, true, ping_pong(PlainChecked, true, 512, false));
     for bytes in [65_536, 1_048_576] {
         let what = format!("futex across cores and {} of plain memory, written and read", size(bytes));
         add(
@@ -88,6 +105,9 @@ pub fn catalogue() -> Vec<Case> {
             false,
             ping_pong(PlainBlocking, true, bytes, false),
         );
+        let checked = "the same, its numbers checked, with a stamp".to_string();
+        let name = format!("floor.plain-blocking-checked.{bytes}");
+        add(name, checked, false, ping_pong(PlainBlockingChecked, true, bytes, false));
     }
     let what = "reading the newest state of 1 MiB without touching its bytes".to_string();
     add("read.newest.1048576".into(), what, true, Kind::Read { bytes: 1_048_576 });

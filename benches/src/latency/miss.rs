@@ -15,8 +15,13 @@ pub(super) struct Miss {
 }
 
 impl Miss {
-    /// From what was seen: `blamed` is the measurement whose host share counts.
-    pub(super) fn new(seen: &Seen<'_>, blamed: &str, at_most: f64, measured: f64) -> Option<Self> {
+    /// From what was seen of the target `what`: `blamed` is the measurement whose host share counts.
+    pub(super) fn new(
+        seen: &Seen<'_>,
+        (what, blamed): (&str, &str),
+        at_most: f64,
+        measured: f64,
+    ) -> Option<Self> {
         let missed = seen.get(blamed)?;
         let steal = format!(
             "the host took {:.0} ms of {:.1} s ({:.2} %)",
@@ -24,7 +29,7 @@ impl Miss {
             missed.host.seconds,
             100.0 * missed.host.steal_share
         );
-        let bare = bare(seen, blamed);
+        let bare = bare(seen, what, blamed);
         let of_bare = |bare: f64| ((bare - at_most) / (measured - at_most)).clamp(0.0, 1.0);
         Some(Self {
             steal,
@@ -48,8 +53,22 @@ impl Miss {
 }
 
 /// The bare machine's value in the same measure as a target, with its name.
-fn bare(seen: &Seen<'_>, blamed: &str) -> Option<(f64, String)> {
+fn bare(seen: &Seen<'_>, what: &str, blamed: &str) -> Option<(f64, String)> {
     let (value, what) = match blamed {
+        "hop.polling.across.512" if what.ends_with("plain memory") => (
+            seen.ratio("floor.plain-checked.512", "floor.plain.512")?,
+            "512 B of plain memory whose numbers are checked, with a stamp (floor.plain-checked.512)",
+        ),
+        "hop.blocking.across.65536" | "hop.blocking.across.1048576" => {
+            let bytes = blamed.rsplit('.').next()?;
+            let floor = |kind: &str| format!("floor.plain-blocking{kind}.{bytes}");
+            let checked = floor("-checked");
+            let value = seen.ratio(&checked, &floor(""))?;
+            return Some((
+                value,
+                format!("plain memory whose numbers are checked, with a stamp ({checked})"),
+            ));
+        }
         "hop.polling.across.512" => (
             seen.ratio("floor.plain.512", "floor.cache-line")?,
             "512 B of plain memory behind a word (floor.plain.512)",
@@ -115,7 +134,7 @@ mod tests {
         // The sleeper's p99 lies 1.8 medians above its median, the release's at 2.01 of them: of the 2.00 above the
         // target, 1.79 are the machine's.
         let all = [measured("floor.timer", 50_000, 140_000), measured("release.1khz", 20, 100_500)];
-        let miss = Miss::new(&Seen(&all), "release.1khz", 0.01, 2.01).unwrap();
+        let miss = Miss::new(&Seen(&all), ("release", "release.1khz"), 0.01, 2.01).unwrap();
         assert!((miss.share.unwrap() - 1.79 / 2.0).abs() < 1e-9, "{:?}", miss.share);
         let words = miss.in_words();
         assert!(words.starts_with("the host took 40 ms of 2.0 s (1.00 %); wake-ups"), "{words}");
@@ -129,7 +148,7 @@ mod tests {
             measured("floor.chain.4", 0, 14_000),
             measured("chain.4", 0, 20_000),
         ];
-        let miss = Miss::new(&Seen(&all), "chain.4", 1.5, 2.0).unwrap();
+        let miss = Miss::new(&Seen(&all), ("chain", "chain.4"), 1.5, 2.0).unwrap();
         assert_eq!(miss.share, Some(0.0));
         assert!(miss.in_words().ends_with("come to 1.40 themselves: 0 % of the miss"));
     }
@@ -141,17 +160,42 @@ mod tests {
             Measurement { slices_p50: vec![210, 175, 980], ..measured("floor.plain.512", 175, 0) },
             measured("hop.polling.across.512", 200, 0),
         ];
-        let miss = Miss::new(&Seen(&all), "hop.polling.across.512", 3.0, 4.0).unwrap();
+        let miss = Miss::new(
+            &Seen(&all),
+            ("polling hop / cache-line ping-pong", "hop.polling.across.512"),
+            3.0,
+            4.0,
+        )
+        .unwrap();
         assert!((miss.share.unwrap() - 0.5).abs() < 1e-9);
         let words = miss.in_words();
         assert!(words.contains("that does not move a median; a cache line took 50 to 280 ns"), "{words}");
     }
 
     #[test]
+    fn a_hop_beside_plain_memory_says_what_the_check_and_the_stamp_come_to_there() {
+        let all = [
+            measured("floor.plain.512", 400, 0),
+            measured("floor.plain-checked.512", 480, 0),
+            measured("floor.plain-blocking.1048576", 100_000, 0),
+            measured("floor.plain-blocking-checked.1048576", 110_000, 0),
+            measured("hop.polling.across.512", 520, 0),
+            measured("hop.blocking.across.1048576", 120_000, 0),
+        ];
+        let share = |what, blamed, at_most, measured| {
+            Miss::new(&Seen(&all), (what, blamed), at_most, measured).and_then(|miss| miss.share).unwrap()
+        };
+        let polling = share("a word and 512 B of plain memory", "hop.polling.across.512", 1.0, 1.3);
+        assert!((polling - 0.2 / 0.3).abs() < 1e-9, "{polling}");
+        let large = share("1 MiB / the same in plain memory", "hop.blocking.across.1048576", 1.0, 1.2);
+        assert!((large - 0.5).abs() < 1e-9, "{large}");
+    }
+
+    #[test]
     fn what_nothing_bare_stands_beside_has_no_share() {
         let all = [measured("panda", 100_000, 500_000)];
-        let miss = Miss::new(&Seen(&all), "panda", 300.0, 500.0).unwrap();
+        let miss = Miss::new(&Seen(&all), ("Panda loop", "panda"), 300.0, 500.0).unwrap();
         assert_eq!((miss.share, miss.in_words().as_str()), (None, "the host took 40 ms of 2.0 s (1.00 %)"));
-        assert!(Miss::new(&Seen(&all), "panda.loaded", 300.0, 500.0).is_none());
+        assert!(Miss::new(&Seen(&all), ("Panda loop", "panda.loaded"), 300.0, 500.0).is_none());
     }
 }

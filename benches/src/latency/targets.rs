@@ -187,7 +187,7 @@ pub fn targets(measured: &[Measurement]) -> Vec<Target> {
         };
         let miss = measured
             .filter(|_| verdict == Verdict::Missed)
-            .and_then(|measured| Miss::new(&seen, blamed, *at_most, measured));
+            .and_then(|measured| Miss::new(&seen, (what, blamed), *at_most, measured));
         Target {
             what: (*what).to_string(),
             at_most: *at_most,

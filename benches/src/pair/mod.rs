@@ -37,6 +37,10 @@ pub enum Transport {
     Plain,
     /// A word and a futex, and a payload of any size in plain shared memory.
     PlainBlocking,
+    /// As `Plain`, with what every publication owes besides: numbers that are finite, a reading of the clock, a stamp.
+    PlainChecked,
+    /// As `PlainBlocking`, with the same.
+    PlainBlockingChecked,
     /// A word and a futex, nothing around them: no payload.
     Futex,
     /// A motorium topic, whose receiver waits for its trigger.

@@ -1,4 +1,4 @@
-//! The floor of a blocking hop of any size: a futex, and the payload in plain shared memory.
+//! The floors of a hop of any size: a word, a futex if the receiver sleeps, and the payload in plain shared memory.
 
 #![allow(unsafe_code)] // payloads are used where they lie in mapped memory
 
@@ -9,58 +9,90 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::time::Duration;
 
 use memmap2::{MmapOptions, MmapRaw};
-use motorium::os::{futex_wait, futex_wake};
+use motorium::os::{futex_wait, futex_wake, monotonic_ns};
+use motorium::state::Stamp;
 
 use super::link::Link;
 use super::shared_buffer::SharedBuffer;
+use super::topics::Waits;
 use crate::payload::Payload;
 
 /// Number of payloads that a side writes in turn.
 const TURNS: usize = 2;
+/// Bytes before a payload that has a stamp: a cache line, which the stamp fills but for a word.
+const STAMP: usize = 64;
 
-/// A word, a futex, and payloads in plain shared memory: what a blocking hop of this size takes at least.
-pub(super) struct PlainBlocking<'a, P: Payload> {
+/// Payloads in plain shared memory: what a hop of this size takes at least.
+pub(super) struct PlainMemory<'a, P: Payload> {
     buffer: &'a SharedBuffer,
     memory: MmapRaw,
     side: usize,
+    waits: Waits,
+    /// True if each payload is checked for numbers that are not finite, and stamped with the time, as every publication is.
+    checks: bool,
     sent: usize,
     received: usize,
     payload: PhantomData<P>,
 }
 
-impl<'a, P: Payload> PlainBlocking<'a, P> {
+impl<'a, P: Payload> PlainMemory<'a, P> {
     /// Opens the payloads of both sides; the first process to open them makes them.
-    pub(super) fn open(folder: &Path, buffer: &'a SharedBuffer, side: usize) -> std::io::Result<Self> {
+    pub(super) fn open(
+        folder: &Path,
+        (buffer, side): (&'a SharedBuffer, usize),
+        waits: Waits,
+        checks: bool,
+    ) -> std::io::Result<Self> {
         let path = folder.join("payloads");
         let file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path)?;
-        let bytes = 2 * TURNS * size_of::<P>();
+        let bytes = 2 * TURNS * (size_of::<P>() + STAMP);
         rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, bytes as u64)?;
         let memory = MmapOptions::new().len(bytes).map_raw(&file)?;
-        Ok(Self { buffer, memory, side, sent: 0, received: 0, payload: PhantomData })
+        Ok(Self { buffer, memory, side, waits, checks, sent: 0, received: 0, payload: PhantomData })
     }
 
+    /// The payload of a turn of a side; its stamp, if it has one, lies before it.
     fn payload(&self, side: usize, number: usize) -> *mut P {
-        // SAFETY: in bounds: the mapping holds the turns of both sides.
-        unsafe { self.memory.as_mut_ptr().cast::<P>().add(side * TURNS + number % TURNS) }
+        let stamp = if self.checks { STAMP } else { 0 };
+        let place = (side * TURNS + number % TURNS) * (size_of::<P>() + stamp) + stamp;
+        // SAFETY: in bounds: the mapping holds the turns of both sides, with their stamps.
+        unsafe { self.memory.as_mut_ptr().add(place).cast::<P>() }
     }
 }
 
-impl<P: Payload> Link for PlainBlocking<'_, P> {
+impl<P: Payload> Link for PlainMemory<'_, P> {
     fn send(&mut self, time_ns: u64) -> Result<(), String> {
         self.sent += 1;
-        // SAFETY: aligned to a page and a multiple of the payload's size, valid for any bytes. The other side has read
+        let place = self.payload(self.side, self.sent);
+        // SAFETY: aligned to a cache line and a multiple of the payload's size, valid for any bytes. The other side has read
         // this turn's payload before it answered, and reads it again only after the futex word below.
-        unsafe { &mut *self.payload(self.side, self.sent) }.write(time_ns);
+        let payload = unsafe { &mut *place };
+        payload.write(time_ns);
+        if self.checks {
+            let publish_time = monotonic_ns();
+            payload.check().map_err(|defect| defect.to_string())?;
+            let sequence = self.sent as u64;
+            let stamp = Stamp { sequence, source_time: time_ns, publish_time, ..Stamp::default() };
+            // SAFETY: the cache line before the payload is its stamp's, under the same rule.
+            unsafe { place.byte_sub(STAMP).cast::<Stamp>().write(stamp) };
+        }
         let line = self.buffer.line(self.side);
         line.futex.store(line.futex.load(Relaxed).wrapping_add(1), Release);
-        futex_wake(&line.futex);
+        if self.waits == Waits::Blocking {
+            futex_wake(&line.futex);
+        }
         Ok(())
     }
 
     fn receive(&mut self) -> Result<u64, String> {
         let line = self.buffer.line(1 - self.side);
         while line.futex.load(Acquire) as usize == self.received {
-            futex_wait(&line.futex, self.received as u32, Some(Duration::from_secs(5)));
+            match self.waits {
+                Waits::Blocking => {
+                    futex_wait(&line.futex, self.received as u32, Some(Duration::from_secs(5)));
+                }
+                Waits::Spinning | Waits::Yielding => core::hint::spin_loop(),
+            }
         }
         self.received += 1;
         // SAFETY: as in `send`: the other side writes this turn's payload again only after the next answer but one.

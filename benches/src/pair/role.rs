@@ -9,7 +9,7 @@ use motorium::plan::SchedulingClass;
 
 use super::floors::{Futex, Plain, cache_line};
 use super::link::{Link, ping, pong};
-use super::plain::PlainBlocking;
+use super::plain::PlainMemory;
 use super::shared_buffer::SharedBuffer;
 use super::stock::Stock;
 use super::topics::{Topics, Waits};
@@ -36,10 +36,13 @@ pub(crate) fn run_role(side: &str, folder: &Path) -> Result<(), String> {
         }
         Transport::Plain => process.exchange(&mut Plain { buffer: &buffer, side, sent: 0, seen: 0 }),
         Transport::Futex => process.exchange(&mut Futex { buffer: &buffer, side, seen: 0 }),
-        Transport::Blocking | Transport::Polling | Transport::Stock | Transport::PlainBlocking => {
-            with_payload(ping_pong.bytes, process)
-                .ok_or_else(|| format!("there is no payload of {} bytes", ping_pong.bytes))?
-        }
+        Transport::Blocking
+        | Transport::Polling
+        | Transport::Stock
+        | Transport::PlainBlocking
+        | Transport::PlainChecked
+        | Transport::PlainBlockingChecked => with_payload(ping_pong.bytes, process)
+            .ok_or_else(|| format!("there is no payload of {} bytes", ping_pong.bytes))?,
     }
 }
 
@@ -59,8 +62,14 @@ impl PayloadVisitor for Process<'_> {
             Transport::Polling => Waits::Spinning,
             _ => Waits::Blocking,
         };
-        if ping_pong.transport == Transport::PlainBlocking {
-            let plain = PlainBlocking::<P>::open(folder, self.buffer, self.side);
+        let plain = match ping_pong.transport {
+            Transport::PlainBlocking | Transport::PlainBlockingChecked => Some(Waits::Blocking),
+            Transport::PlainChecked => Some(Waits::Spinning),
+            _ => None,
+        };
+        if let Some(waits) = plain {
+            let checks = ping_pong.transport != Transport::PlainBlocking;
+            let plain = PlainMemory::<P>::open(folder, (self.buffer, self.side), waits, checks);
             return self.exchange(&mut plain.map_err(|error| error.to_string())?);
         }
         if ping_pong.transport == Transport::Stock {

@@ -6,7 +6,7 @@
 //! * [`Component`] is the trait to implement;
 //! * [`Declare`] takes its ports and parameters, so that a graph can be checked while nothing runs;
 //! * [`Setup`] hands out the ports when it is configured;
-//! * [`Kind`](crate::worker::Kind) and [`Registry`](crate::worker::Registry) make a component type known by name, such
+//! * `Kind` and `Registry` make a component type known by name, such
 //!   as `physics.rapier`.
 
 mod checkpoint;
@@ -218,7 +218,7 @@ pub trait Component: Sized + 'static {
     ///
     /// Afterwards the steps must depend on nothing from before: an episode is equal to the last bit to another with the same
     /// seed. Ports have then nothing to read, as at the start, and parameters keep their values; a
-    /// [`CommandGate`](crate::safety::CommandGate) has a `reset` of its own.
+    /// `CommandGate` has a `reset` of its own.
     ///
     /// ```
     /// # use motorium::prelude::*;

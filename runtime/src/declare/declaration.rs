@@ -92,7 +92,7 @@ impl Declare {
         Self { placement, ..self }
     }
 
-    /// Nominal time between two steps, as [`Setup::period`](crate::component::Setup::period) gives it later. `None` if
+    /// Nominal time between two steps, as `Setup::period` gives it later. `None` if
     /// the graph file has a mistake in its rates and triggers, which is reported by itself, and outside of a graph.
     pub fn period(&self) -> Option<Duration> {
         self.placement.period
@@ -104,7 +104,7 @@ impl Declare {
     }
 
     /// The folder in which relative paths of the `config` table start: that of the graph file, or of the file of several
-    /// in which the component stands. [`Setup::folder`](crate::component::Setup::folder) is the same.
+    /// in which the component stands. `Setup::folder` is the same.
     pub fn folder(&self) -> &Path {
         &self.placement.folder
     }
@@ -227,7 +227,7 @@ impl Declare {
         self.declaration.actuator = true;
     }
 
-    /// This component can end an episode ([`Setup::episode_end`](crate::component::Setup::episode_end)), in a graph that
+    /// This component can end an episode (`Setup::episode_end`), in a graph that
     /// says `ends_episode = true`.
     pub fn may_end_episodes(&mut self) {
         self.declaration.may_end_episodes = true;
@@ -235,7 +235,7 @@ impl Declare {
 
     /// This component has a file descriptor, such as a socket, that can release its steps: a graph may say
     /// `activate = { on = "fd", min_interval = "1 ms" }`. It names the descriptor by
-    /// [`Setup::wake_on`](crate::component::Setup::wake_on).
+    /// `Setup::wake_on`.
     pub fn wakes_on_descriptor(&mut self) {
         self.declaration.wakes_on_descriptor = true;
     }
@@ -255,7 +255,7 @@ impl Declare {
         self.declaration.waits_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
     }
 
-    /// This component reads topics of the whole graph by taps ([`Setup::observer`](crate::component::Setup::observer)): the
+    /// This component reads topics of the whole graph by taps (`Setup::observer`): the
     /// graph keeps as many of their values as a tap may leave unread.
     ///
     /// ```
@@ -294,7 +294,7 @@ impl Declare {
     }
 
     /// One of a few names that may change while the component runs; `default` is one of them. The component reads it as a
-    /// [`Choice`](crate::component::Choice): the index of the name.
+    /// `Choice`: the index of the name.
     pub fn choice(&mut self, name: &str, choices: &[&str], default: &str, doc: &str) {
         self.parameter(name, ParameterValue::Choice(default.to_string()), None, "", doc);
         if let Some(declared) = self.declaration.parameters.last_mut() {
@@ -303,7 +303,7 @@ impl Declare {
     }
 
     /// Numbers that may change while the component runs, all at once: as many as `default` has, each within `range`, in
-    /// `unit`. The component reads them by [`Setup::parameter_array`](crate::component::Setup::parameter_array).
+    /// `unit`. The component reads them by `Setup::parameter_array`.
     pub fn array(
         &mut self,
         name: &str,

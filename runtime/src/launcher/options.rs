@@ -47,7 +47,7 @@ impl Options {
     }
 
     /// Each component in a process of its own, hosted by `program`: the `motorium` command, or one that calls
-    /// [`program::run_worker`](crate::program::run_worker) as that does.
+    /// `program::run_worker` as that does.
     pub fn processes(program: PathBuf) -> Self {
         Self::of(Hosting::Processes, program)
     }

@@ -1,6 +1,6 @@
 //! A plan: a graph file with everything resolved and checked, as the launcher, the workers and the tools use it.
 //!
-//! Plans are made by [`graph::load`](crate::graph::load), travel to the worker processes as JSON, and are never
+//! Plans are made by `graph::load`, travel to the worker processes as JSON, and are never
 //! written by hand.
 
 mod expectation;

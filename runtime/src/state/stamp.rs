@@ -15,10 +15,10 @@ crate::state_buffer! {
         /// Number of the sample among those of its publisher, from 1; 0 is never published.
         pub sequence: u64,
         /// Time of publication of the sample at the head of the chain, or the time that its component gave with
-        /// [`Loan::publish_from`](crate::transport::Loan::publish_from): a sample made from an input has the input's
+        /// `Loan::publish_from`: a sample made from an input has the input's
         /// source time, so `publish_time - source_time` is the latency of the whole chain so far.
         pub source_time: u64,
-        /// Time of publication of this sample.
+        /// Time of publication of this sample, read when it was filled, before its content was checked.
         pub publish_time: u64,
         /// Time that the state is for: the scheduled release of the time-triggered step that made it, or made the
         /// sample at the head of the chain of triggers. It keeps to the grid of the rate, however late the step was.

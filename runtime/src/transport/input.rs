@@ -72,7 +72,7 @@ impl<T: StateBuffer> Reading<'_, T> {
     /// The time that the state is for, ns since the run began: the scheduled release of the time-triggered step at the
     /// head of the chain of triggers. It keeps to the grid of that rate, so a difference quotient over it does not
     /// jitter;
-    /// [`Tick::time_ns`](crate::component::Tick::time_ns) of a time-triggered component is on the same clock.
+    /// `Tick::time_ns` of a time-triggered component is on the same clock.
     pub fn time_ns(&self) -> u64 {
         self.stamp.state_time.saturating_sub(self.context.clock().start_ns())
     }

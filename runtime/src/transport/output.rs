@@ -7,13 +7,12 @@ use core::ptr::NonNull;
 use std::rc::Rc;
 
 use super::latest::StateWriter;
-use super::publication::TopicWriter;
+use super::publication::{TopicWriter, checked};
 use super::stream::{Lent, StreamWriter};
 use super::topic::{refused, same_layout};
 use super::{Connect, OutputPlace, Participant, PortError};
 use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};
-use crate::region::add;
 use crate::state::StateBuffer;
 
 /// An output port: the one writer of a topic. A value is filled where its readers will find it. Values published on an
@@ -159,10 +158,10 @@ impl<T: StateBuffer> Loan<'_, T> {
     }
 
     /// As [`publish`](Self::publish), with the source time of the value: the time at which it was measured, received or
-    /// recorded, ns on the clock of [`Stamp`]s (`CLOCK_MONOTONIC`, or simulated time in lockstep).
+    /// recorded, ns on the clock of [`Stamp`](crate::state::Stamp)s (`CLOCK_MONOTONIC`, or simulated time in lockstep).
     ///
     /// It stands in the place of the source time of the step's input, and of the time of publication in a step without
-    /// one. End-to-end latencies count from it, and a [`CommandGate`](crate::safety::CommandGate) refuses a command whose
+    /// one. End-to-end latencies count from it, and a `CommandGate` refuses a command whose
     /// source is too old. A source time up to 1 ms after the present becomes the present.
     ///
     /// ```
@@ -185,19 +184,19 @@ impl<T: StateBuffer> Loan<'_, T> {
 
     #[inline(always)]
     fn finish(self, source_ns: Option<u64>) -> Result<(), StepError> {
-        let port = self.output.port;
-        if let Err(defect) = self.check() {
-            add(&self.output.context.block().refused, 1);
-            return Err(StepError::InvalidOutput { port, defect });
-        }
-        let Self { value, sample, output: Output { sink, topic, context, .. } } = self;
-        let Some(topic) = topic else { return Ok(()) };
+        let Self { value, sample, output: Output { port, sink, topic, context } } = self;
+        // SAFETY: as in `deref`.
+        let check = |_: &_| unsafe { value.as_ref() }.check();
         // SAFETY: as in `deref`.
         let digest = |_: &_, digest: &mut _| unsafe { value.as_ref() }.digest(digest);
         let send = |sample: Option<_>, stamp| match (sink, sample) {
             (Sink::Stream(stream), Some(sample)) => stream.send(sample, stamp),
             _ => false,
         };
-        topic.publish(context, source_ns, sample, digest, send).or_else(|reason| reason.for_step(port))
+        let published = match topic {
+            Some(topic) => topic.publish((context, source_ns), sample, check, digest, send),
+            None => checked(context, check(&sample)),
+        };
+        published.or_else(|reason| reason.for_step(port))
     }
 }

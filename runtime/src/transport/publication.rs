@@ -10,7 +10,7 @@ use crate::context::{AfterStep, Context};
 use crate::declare::StepError;
 use crate::plan::{OnMiss, TopicPlan};
 use crate::region::{Command, add};
-use crate::state::{Digest, FUTURE_TOLERANCE_NS, Stamp};
+use crate::state::{Defect, Digest, FUTURE_TOLERANCE_NS, Stamp};
 
 /// The place of an output in the graph.
 #[derive(Debug)]
@@ -44,7 +44,9 @@ pub(super) struct TopicWriter {
 
 /// The reason why a value was not published.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Unpublished {
+pub(super) enum Unpublished<D> {
+    /// Its content must not reach a reader.
+    Invalid(D),
     /// The step is past its deadline, and its overrun policy is `hold`.
     Late,
     /// Its source time lies so many nanoseconds ahead of the clock.
@@ -53,10 +55,11 @@ pub(super) enum Unpublished {
     NotSent,
 }
 
-impl Unpublished {
+impl Unpublished<Defect> {
     /// The outcome for a step: a value that is withheld by its policy is counted, and no error.
     pub(super) fn for_step(self, port: &'static str) -> Result<(), StepError> {
         match self {
+            Self::Invalid(defect) => Err(StepError::InvalidOutput { port, defect }),
             Self::Late => Ok(()),
             Self::InFuture { ahead_ns } => Err(StepError::SourceInFuture { port, ahead_ns }),
             Self::NotSent => Err(StepError::Transport { port, reason: "the sample was not sent" }),
@@ -79,22 +82,35 @@ impl TopicWriter {
         Self { topic: index, after, wakes_late, probes, digest: Digest::default() }
     }
 
-    /// Publishes what was filled: the slot of a state, or else `value`, which `send` sends. `digest` takes in the content.
+    /// Publishes what was filled: the slot of a state, or else `value`, which `send` sends. `check` looks for what must not
+    /// reach a reader, `digest` takes in the content.
     #[inline(always)]
-    pub(super) fn publish<V>(
+    pub(super) fn publish<V, D>(
         &mut self,
-        context: &Context,
-        source_ns: Option<u64>,
+        (context, source_ns): (&Context, Option<u64>),
         value: V,
+        check: impl FnOnce(&V) -> Result<(), D>,
         digest: impl FnOnce(&V, &mut Digest),
         send: impl FnOnce(V, Stamp) -> bool,
-    ) -> Result<(), Unpublished> {
+    ) -> Result<(), Unpublished<D>> {
+        // Before the check: reading the clock waits for all loads before it, and those of a check wait until the numbers
+        // just filled in have left for the cache.
         let now = context.clock().now_ns();
-        if context.withholds(now) {
+        let refuse = |reason| {
             add(&context.block().refused, 1);
-            return Err(Unpublished::Late);
+            Err(reason)
+        };
+        checked(context, check(&value))?;
+        if context.withholds(now) {
+            return refuse(Unpublished::Late);
         }
-        let source_time = source_time(context, source_ns, now)?;
+        let source_time = match source_ns {
+            None => context.causality().source_time_or(now),
+            Some(given) if given > now.saturating_add(FUTURE_TOLERANCE_NS) => {
+                return refuse(Unpublished::InFuture { ahead_ns: given - now });
+            }
+            Some(given) => given.min(now),
+        };
         let sequence = match &self.after.state {
             Some(state) => state.number(),
             None => self.after.memory.newest().number() + 1,
@@ -166,16 +182,13 @@ impl TopicWriter {
     }
 }
 
-/// The source time of a publication of this step at `now`: the given one, or that of the step's input. One too far ahead
-/// of the clock is counted as refused.
+/// The outcome of the check of a value; one that is not valid is counted as refused.
 #[inline(always)]
-fn source_time(context: &Context, given: Option<u64>, now: u64) -> Result<u64, Unpublished> {
-    let Some(given) = given else { return Ok(context.causality().source_time_or(now)) };
-    if given > now.saturating_add(FUTURE_TOLERANCE_NS) {
+pub(super) fn checked<D>(context: &Context, outcome: Result<(), D>) -> Result<(), Unpublished<D>> {
+    outcome.map_err(|defect| {
         add(&context.block().refused, 1);
-        return Err(Unpublished::InFuture { ahead_ns: given - now });
-    }
-    Ok(given.min(now))
+        Unpublished::Invalid(defect)
+    })
 }
 
 /// The work of one output at the end of a step.

@@ -5,13 +5,12 @@
 use std::rc::Rc;
 
 use super::latest::StateWriter;
-use super::publication::{TopicWriter, Unpublished};
+use super::publication::{TopicWriter, Unpublished, checked};
 use super::topic::{fits, refused};
 use super::{OutputPlace, Participant, PortError};
 use crate::context::Context;
 use crate::declare::TopicPattern;
 use crate::plan::PortPlan;
-use crate::region::add;
 use crate::state::{ContentCheck, ContentDefect, TypeLayout};
 
 /// An output port that writes a state of a layout given at run time: the one writer of its topic.
@@ -108,23 +107,24 @@ impl RawOutput {
     #[inline(always)]
     fn finish(&mut self, bytes: &[u8], source_ns: Option<u64>) -> Result<(), RawError> {
         let Self { check, wired, context, .. } = self;
-        if let Err(defect) = check.check(bytes) {
-            add(&context.block().refused, 1);
-            return Err(defect.into());
-        }
+        // Before the copy: bytes of another size have no room in the slot.
+        checked(context, check.check(bytes))?;
         let Some((_, state, topic)) = wired else { return Ok(()) };
         // SAFETY: this output is the one user of its writer's slot, and borrowed mutably; the reference ends here.
         unsafe { state.bytes_mut() }.copy_from_slice(bytes);
-        let published = topic.publish(
-            context,
-            source_ns,
-            bytes,
-            |bytes, digest| check.digest(bytes, digest),
-            |_, _| false,
-        );
-        published.map_err(|reason| match reason {
-            Unpublished::InFuture { ahead_ns } => RawError::SourceInFuture { ahead_ns },
-            Unpublished::Late | Unpublished::NotSent => RawError::Late,
-        })
+        let digest = |bytes: &&[u8], digest: &mut _| check.digest(bytes, digest);
+        let check = |_: &_| Ok::<(), ContentDefect>(());
+        topic.publish((context, source_ns), bytes, check, digest, |_, _| false)?;
+        Ok(())
+    }
+}
+
+impl From<Unpublished<ContentDefect>> for RawError {
+    fn from(reason: Unpublished<ContentDefect>) -> Self {
+        match reason {
+            Unpublished::Invalid(defect) => defect.into(),
+            Unpublished::InFuture { ahead_ns } => Self::SourceInFuture { ahead_ns },
+            Unpublished::Late | Unpublished::NotSent => Self::Late,
+        }
     }
 }

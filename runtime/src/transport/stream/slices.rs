@@ -5,9 +5,8 @@ use std::rc::Rc;
 use super::{Connect, Lent, StreamReader, StreamWriter};
 use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};
-use crate::region::add;
 use crate::state::{Digest, Stamp, StateBuffer};
-use crate::transport::publication::TopicWriter;
+use crate::transport::publication::{TopicWriter, checked};
 use crate::transport::reading::Effects;
 use crate::transport::topic::{open_slices, refused, same_layout};
 use crate::transport::{InputPlace, OutputPlace, Participant, PortError};
@@ -199,18 +198,18 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
 
     #[inline(always)]
     fn finish(self, source_ns: Option<u64>) -> Result<(), StepError> {
-        let port = self.output.port;
-        if let Err(defect) = T::check_all(&self) {
-            add(&self.output.context.block().refused, 1);
-            return Err(StepError::InvalidOutput { port, defect });
-        }
-        let Self { sample, output: SliceOutput { wired, context, .. }, .. } = self;
-        let (Some(sample), Some((stream, topic))) = (sample, wired) else { return Ok(()) };
+        let unwired = if self.sample.is_none() { T::check_all(&self) } else { Ok(()) };
+        let Self { sample, output: SliceOutput { port, wired, context, .. }, .. } = self;
+        let (Some(sample), Some((stream, topic))) = (sample, wired) else {
+            return checked(context, unwired).or_else(|reason| reason.for_step(port));
+        };
+        let check = |sample: &Lent<[T]>| T::check_all(sample.payload());
         let digest = |sample: &Lent<[T]>, digest: &mut Digest| {
             digest.write_u64(sample.payload().len() as u64);
             T::digest_all(sample.payload(), digest);
         };
         let send = |sample, stamp| stream.send(sample, stamp);
-        topic.publish(context, source_ns, sample, digest, send).or_else(|reason| reason.for_step(port))
+        let published = topic.publish((context, source_ns), sample, check, digest, send);
+        published.or_else(|reason| reason.for_step(port))
     }
 }
