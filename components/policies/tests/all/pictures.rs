@@ -29,7 +29,7 @@ fn written(path: &[[f64; 2]]) -> &[[f64; 2]] {
 fn joints_write_the_letters_of_pictures_at_the_pen_speed_that_is_asked_for() {
     let (folder, known) = (tempfile::tempdir().unwrap(), known());
     let spring = SampledSpring::new(80, DAMPING).unwrap();
-    let training = Training { epochs: 150, eigenforces: 6, augmentation: 0.03, ..Training::default() };
+    let training = Training { epochs: 600, eigenforces: 6, augmentation: 0.03, ..Training::default() };
     let coupling = Coupling::train(&known, spring, &training, |_, _| {}).unwrap();
     coupling.write(&folder.path().join("letters.coupling")).unwrap();
     let curves: Vec<DMatrix<f64>> =
