@@ -106,6 +106,67 @@ echo "--- errors"
 ps | grep -c '[m]otorium worker'
 wc -l <silence
 
+# slcan NAME FAULT TIME: the arm behind the driver of the kernel, which sits on the terminal that the desk offers, for some time. The
+# desk's bus has the fault 2.5 s after the desk began, about 2 s after the arm. What a person would do then is called `mend`.
+slcan() {
+    name=$1 fault=$2
+    rm -f desk desk_errors report errors
+    motorium run /graphs/desk.toml --json --force --no-expect --for 30s --set component.physics.schedule='"fifo"' \
+        --set component.drives.schedule='"fifo"' --set "component.drives.config.faults=[$fault]" >desk 2>desk_errors &
+    desk=$!
+    until [ -e /tmp/can0 ] && grep -q running desk_errors; do
+        kill -0 $desk 2>/dev/null || break
+        sleep 0.02
+    done
+    attach
+    motorium run /graphs/slcan.toml --no-expect --json --force --for "$3" >report 2>errors &
+    run=$!
+    mend
+    finish
+    # drives that nobody commands let go
+    sleep 0.1
+    kill -INT $desk
+    wait $desk
+    code=$?
+    echo "=== ${name}_desk $code"
+    cat desk
+    echo "--- errors"
+    cat desk_errors
+    detach
+}
+
+# attach: puts the driver of the kernel on the terminal; detach: takes it away again.
+attach() {
+    rm -f attached
+    motorium can attach /tmp/can0 >attached 2>>desk_errors &
+    attached=$!
+    until [ -s attached ]; do
+        kill -0 $attached 2>/dev/null || break
+        sleep 0.02
+    done
+}
+detach() {
+    kill -INT $attached 2>/dev/null
+    wait $attached
+}
+
+mend() { :; }
+slcan slcan '' 2s
+slcan slcan_alone '{ at = "2.5 s", lasts = "300 ms", kind = "alone", bus = "can0" }' 4s
+slcan slcan_passive '{ at = "2.5 s", lasts = "18 ms", kind = "disturbed", bus = "can0" }' 3s
+mend() {
+    sleep 3
+    ip link set can0 down
+    ip link set can0 up
+}
+slcan slcan_bus_off '{ at = "2.5 s", lasts = "300 ms", kind = "bus_off", bus = "can0" }' 5s
+mend() {
+    sleep 3
+    detach
+    attach
+}
+slcan slcan_unplugged '{ at = "2.5 s", lasts = "300 ms", kind = "down", bus = "can0" }' 6s
+
 graph=/graphs/two-buses.toml
 begin twelve --for "$(cat /graphs/seconds)s"
 finish

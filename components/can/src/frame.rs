@@ -102,6 +102,13 @@ impl Frame {
         Self::new(id, Form::Classic, data).expect("at most 8 bytes")
     }
 
+    /// A frame of eight bytes, which every form can have.
+    pub(crate) fn of_eight(id: Id, form: Form, eight: [u8; 8]) -> Self {
+        let mut data = [0; 64];
+        data[..8].copy_from_slice(&eight);
+        Self { id, form, length: 8, data }
+    }
+
     /// A packet of a serial line, of the device with this number; `None` beyond 64 bytes.
     pub fn packet(device: u8, bytes: &[u8]) -> Option<Self> {
         Self::new(Id::Standard(device.into()), Form::Packet, bytes)

@@ -5,6 +5,7 @@ use core::time::Duration;
 use crate::bus::{Bus, Received};
 use crate::damiao::{EVERYBODY, Register, Request, Value};
 use crate::frame::{Frame, Id};
+use crate::odrive::{self, Report};
 
 /// A device that was found on a bus.
 #[derive(Clone, Debug, PartialEq)]
@@ -108,7 +109,7 @@ impl Found {
                 Some(known) => known.kind.complete(device.kind),
                 None => self.devices.push(device),
             }
-        } else if let Some(device) = heartbeat(frame) {
+        } else if let Some(device) = heartbeat(frame).filter(|_| !self.is_other(frame.id)) {
             let same = |known: &Device| {
                 known.node == device.node
                     && core::mem::discriminant(&known.kind) == core::mem::discriminant(&device.kind)
@@ -118,11 +119,21 @@ impl Found {
                 None => self.devices.push(device),
             }
         } else {
+            // commands of another program look like heartbeats now and then; those of an ODrive are heartbeats always
+            self.devices.retain(|device| {
+                !(matches!(device.kind, DeviceKind::Odrive { .. })
+                    && frame.id == Id::Standard(u16::from(device.node) << 5 | 1))
+            });
             match self.others.iter_mut().find(|(id, _)| *id == frame.id) {
                 Some((_, count)) => *count += 1,
                 None => self.others.push((frame.id, 1)),
             }
         }
+    }
+
+    /// True if frames with this identifier have been something else than a heartbeat.
+    fn is_other(&self, id: Id) -> bool {
+        self.others.iter().any(|(other, _)| *other == id)
     }
 }
 
@@ -168,9 +179,16 @@ fn heartbeat(frame: &Frame) -> Option<Device> {
         [state] if (0x701..=0x77f).contains(&id) && matches!(state & 0x7f, 0 | 4 | 5 | 127) => {
             Some(Device { node: (id & 0x7f) as u8, kind: DeviceKind::CanOpen { state: state & 0x7f } })
         }
-        [a, b, c, d, state, ..] if frame.data().len() == 8 && id & 0x1f == 1 => {
-            let errors = u32::from_le_bytes([a, b, c, d]);
-            Some(Device { node: (id >> 5) as u8, kind: DeviceKind::Odrive { state, errors } })
+        // the last bytes are the result of a procedure, or flags: of motor, encoder, controller, and of a trajectory
+        [.., result, encoder, flags]
+            if id & 0x1f == 1 && result < 0x10 && encoder < 2 && flags & 0x7e == 0 =>
+        {
+            let node = (id >> 5) as u8;
+            let Report::Heartbeat { error: errors, state } = odrive::Node::new(node)?.report(frame).ok()?
+            else {
+                return None;
+            };
+            Some(Device { node, kind: DeviceKind::Odrive { state: state as u8, errors } })
         }
         _ => None,
     }
@@ -216,6 +234,22 @@ mod tests {
                 self.bus.enqueue(2, beat(0x555, &[1, 2]), self.now_ns);
             }
         }
+    }
+
+    #[test]
+    fn commands_of_another_program_on_a_live_bus_are_no_heartbeats_of_an_odrive() {
+        let (drive, mut found) =
+            (mit::Drive::damiao(1, 0x11, Ranges::new(12.5, 30.0, 10.0)), Found::default());
+        // the low byte of the gain passes all states of an axis, and that of the torque all flags
+        for step in 0..20_000_u32 {
+            let kp = f64::from(step % 500);
+            let (velocity, torque) = (f64::from(step % 60) - 30.0, f64::from(step % 19) - 9.0);
+            let command =
+                mit::Command { position: f64::from(step % 25) - 12.0, velocity, kp, kd: 0.0, torque };
+            found.take(&drive.command(&command));
+        }
+        assert_eq!(found.devices, []);
+        assert_eq!(found.others, [(Id::Standard(1), 20_000)], "each of them, whatever it looked like");
     }
 
     #[test]

@@ -9,6 +9,7 @@
 //! and answers again, it is left out of one cycle: an answer that comes nevertheless proves it to be a cycle behind, and it
 //! counts as lost. If none comes, the one answer was lost, and the drive goes on.
 
+mod common_answer;
 mod dialogue;
 mod link;
 mod setting;
@@ -17,6 +18,7 @@ use crate::bus::Received;
 use crate::cia402;
 use crate::frame::{DecodeError, Frame};
 use crate::table::Table;
+use common_answer::CommonAnswer;
 use dialogue::{Dialogue, Order, Servo};
 pub use link::{Counts, Link};
 pub use setting::WrongSetting;
@@ -69,6 +71,8 @@ pub struct Setpoint {
 #[derive(Clone, Debug)]
 pub struct Adapter {
     links: Vec<Link>,
+    /// Of each bus; `None` where drives answer one by one.
+    common: Vec<Option<CommonAnswer>>,
     on_trip: OnTrip,
     tripped: bool,
     cycles: u64,
@@ -82,7 +86,8 @@ impl Adapter {
     pub fn new(table: &Table, order: &[usize], damping: &[f64], on_trip: OnTrip) -> Self {
         let links =
             order.iter().zip(damping).map(|(index, damping)| Link::new(table, *index, *damping)).collect();
-        Self { links, on_trip, tripped: false, cycles: 0, stray: 0, enabled_in: None, wrong: None }
+        let common = table.buses.iter().map(|bus| bus.fast_read.then(CommonAnswer::default)).collect();
+        Self { links, common, on_trip, tripped: false, cycles: 0, stray: 0, enabled_in: None, wrong: None }
     }
 
     /// The drives, in the order of the joints.
@@ -122,6 +127,24 @@ impl Adapter {
 
     /// Takes a frame that was received on a bus.
     pub fn take(&mut self, bus: usize, received: &Received) {
+        let Received { frame, time_ns } = received;
+        if CommonAnswer::is_part(frame)
+            && let Some(common) = &mut self.common[bus]
+        {
+            common.push(frame);
+            while let Some(next) = self.common[bus].as_mut().and_then(CommonAnswer::next) {
+                match next {
+                    Ok(frame) => self.take_one(bus, &Received { frame, time_ns: *time_ns }),
+                    Err(_) => self.stray += 1,
+                }
+            }
+            return;
+        }
+        self.take_one(bus, received);
+    }
+
+    /// Takes a frame of one drive.
+    fn take_one(&mut self, bus: usize, received: &Received) {
         let Received { frame, time_ns } = received;
         let mut refused = None;
         for (index, link) in self.links.iter_mut().enumerate() {
@@ -257,7 +280,8 @@ impl Adapter {
             link.asked_by = Some(if waits { usize::MAX } else { frames.len() - before });
         }
         if is_line {
-            Servo::write_line(&mut self.links, bus, trip, cycle, frames);
+            let common = self.common[bus].as_mut();
+            Servo::write_line(&mut self.links, common, bus, (trip, cycle), frames);
         }
         if is_synchronised {
             frames.extend([cia402::adapter_heartbeat(), cia402::sync()]);

@@ -7,8 +7,8 @@ use super::socket::{Condition, OpenError, SocketCounts};
 use super::terminal::{self, Terminal};
 use super::time::monotonic_ns;
 use super::{Bus, Received};
-use crate::frame::{Frame, Id};
-use crate::servo::Reader;
+use crate::frame::{Form, Frame, Id};
+use crate::servo::{EVERYBODY, LONGEST, Reader};
 
 /// A line of serial servos: each packet is a frame of the form [`Packet`](crate::Form::Packet), with the number of its servo for
 /// an identifier.
@@ -29,6 +29,9 @@ pub struct ServoBus {
     speed: u32,
     line: Terminal,
     reader: Reader,
+    /// A packet longer than a frame, and what of it has not been received yet, from where to where.
+    long: Box<[u8; LONGEST]>,
+    left: (usize, usize),
 }
 
 /// Bytes that wait to be written at most.
@@ -63,7 +66,8 @@ impl ServoBus {
     /// There is no such line, it cannot be opened, or knows no such speed.
     pub fn open(path: &str, speed: u32) -> Result<Self, OpenError> {
         let line = Terminal::new(path, open(path, speed)?, ROOM);
-        Ok(Self { speed, line, reader: Reader::default() })
+        let long = Box::new([0; LONGEST]);
+        Ok(Self { speed, line, reader: Reader::default(), long, left: (0, 0) })
     }
 
     /// Its path.
@@ -86,6 +90,14 @@ impl ServoBus {
         self.line.is_virtual()
     }
 
+    /// The next part of a packet that is longer than a frame.
+    fn part(&mut self) -> Option<Frame> {
+        let (from, to) = self.left;
+        let part = &self.long[from..to.min(from + Form::Packet.capacity())];
+        self.left.0 += part.len();
+        if part.is_empty() { None } else { Frame::packet(EVERYBODY, part) }
+    }
+
     /// Receives packets of, or for, servos with these numbers only.
     pub fn receive_only(&mut self, ids: &[Id]) {
         self.line.receive_only(ids);
@@ -100,9 +112,13 @@ impl AsFd for ServoBus {
 
 impl Bus for ServoBus {
     fn send(&mut self, frames: &[Frame]) -> usize {
-        let Self { speed, line, reader } = self;
+        let Self { speed, line, reader, .. } = self;
         if line.look_again(|path| open(path, *speed)) {
             *reader = Reader::default();
+        }
+        // a common answer that has not ended by now is not ended any more
+        if !frames.is_empty() {
+            reader.drop_common();
         }
         // the end of a packet that is begun goes before all others
         if !line.condition.can_send() || !line.flush() {
@@ -123,6 +139,11 @@ impl Bus for ServoBus {
     fn receive(&mut self, frames: &mut [Received]) -> usize {
         let (mut count, time_ns) = (0, monotonic_ns());
         while self.line.condition.can_send() && count < frames.len() {
+            if let Some(frame) = self.part() {
+                frames[count] = Received { frame, time_ns };
+                count += 1;
+                continue;
+            }
             let Some(byte) = self.line.next_byte() else { break };
             let Some((servo, packet)) = self.reader.push_raw(byte) else { continue };
             match Frame::packet(servo, packet) {
@@ -131,6 +152,11 @@ impl Bus for ServoBus {
                     count += 1;
                 }
                 Some(_) => {}
+                // that in which servos answer together
+                None if servo == EVERYBODY => {
+                    self.long[..packet.len()].copy_from_slice(packet);
+                    self.left = (0, packet.len());
+                }
                 None => self.line.counts.other += 1,
             }
         }

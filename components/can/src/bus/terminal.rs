@@ -159,6 +159,17 @@ impl Terminal {
         }
     }
 
+    /// Waits for something to be read, at most for this time; false if nothing came.
+    pub(super) fn wait(&self, longest_ns: u64) -> bool {
+        let mut polled = libc::pollfd { fd: self.file.as_raw_fd(), events: libc::POLLIN, revents: 0 };
+        let longest = libc::timespec {
+            tv_sec: (longest_ns / 1_000_000_000) as _,
+            tv_nsec: (longest_ns % 1_000_000_000) as _,
+        };
+        // SAFETY: the one descriptor and the time live throughout the call.
+        unsafe { libc::ppoll(&raw mut polled, 1, &raw const longest, core::ptr::null()) > 0 }
+    }
+
     /// The next byte, if one is there.
     pub(super) fn next_byte(&mut self) -> Option<u8> {
         if self.unread.0 == self.unread.1 {

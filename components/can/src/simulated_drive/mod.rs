@@ -101,6 +101,14 @@ impl AnySimulatedDrive {
         }
     }
 
+    /// A frame of another drive on the bus, and `answer` for the one that follows upon it: servos that answer together speak one
+    /// after the other.
+    pub fn overhear(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
+        if let Self::Servo(drive) = self {
+            drive.overhear(frame).into_iter().for_each(answer);
+        }
+    }
+
     /// Frames that it sends by itself until `now_ns`, each with its time.
     pub fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
         match self {

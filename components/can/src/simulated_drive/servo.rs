@@ -4,7 +4,9 @@ use super::{Motor, Overrides, Watchdog};
 use crate::dynamixel;
 use crate::feetech::{self, OVERHEATED, STATE_BYTES};
 use crate::frame::{Form, Frame, Id};
-use crate::servo::{self, EVERYBODY, Instruction, LONGEST, Packet, write_status};
+use crate::servo::{
+    self, EVERYBODY, FastTurn, Instruction, LONGEST, Packet, fast_sum, write_fast_status, write_status,
+};
 use crate::table::{LoopEntry, Protocol, Table};
 
 /// Registers of the table.
@@ -26,8 +28,21 @@ pub struct Servo {
     fixed_watchdog_ns: Option<u64>,
     /// The position at which its watchdog stopped it, until the watchdog is set anew.
     stopped: Option<f64>,
+    /// Its turn in the common packet of a fast read, until it has spoken.
+    turn: Option<Turn>,
     pub(super) motor: Motor,
     pub(super) watchdog_trips: u64,
+}
+
+/// The turn of a servo that waits for others.
+#[derive(Clone, Copy, Debug)]
+struct Turn {
+    /// Servos that speak before it.
+    before: usize,
+    /// The sum of what they have said.
+    sum: u16,
+    register: u16,
+    count: u8,
 }
 
 impl Servo {
@@ -43,6 +58,7 @@ impl Servo {
             watchdog: Watchdog::new(None),
             fixed_watchdog_ns: overrides.watchdog_ns,
             stopped: None,
+            turn: None,
             motor: Motor::new(table.ranges(index).torque.max),
             watchdog_trips: 0,
         };
@@ -98,8 +114,9 @@ impl Servo {
         if protocol != self.protocol {
             return None;
         }
-        // a packet to any servo feeds the watchdog
+        // a packet to any servo feeds the watchdog, and who has not spoken by then has no turn any more
         self.watchdog.fed_ns = now_ns;
+        self.turn = None;
         let is_meant = servo == self.number;
         match instruction {
             // a Dynamixel tells its model, and the version of its firmware
@@ -109,6 +126,15 @@ impl Servo {
             Instruction::Read { register, count } if is_meant => self.answer(register, count),
             Instruction::ReadMany { register, count, servos } if servos.contains(&self.number) => {
                 self.answer(register, count)
+            }
+            Instruction::FastReadMany { register, count, servos } => {
+                match servos.iter().position(|servo| *servo == self.number)? {
+                    0 => self.share(FastTurn::First { servos: servos.len() }, register, count),
+                    before => {
+                        self.turn = Some(Turn { before, sum: 0, register, count });
+                        None
+                    }
+                }
             }
             Instruction::Write { register, data } if is_meant || servo == EVERYBODY => {
                 self.write(register, data);
@@ -123,6 +149,25 @@ impl Servo {
             }
             _ => None,
         }
+    }
+
+    /// Hears what another servo says, and adds its share to a common packet when its turn has come.
+    pub(super) fn overhear(&mut self, frame: &Frame) -> Option<Frame> {
+        if frame.form != Form::Packet || frame.id != Id::Standard(EVERYBODY.into()) {
+            return None;
+        }
+        let turn = self.turn.as_mut()?;
+        (turn.before, turn.sum) = (turn.before - 1, fast_sum(turn.sum, frame.data()));
+        let Turn { before: 0, sum, register, count } = *turn else { return None };
+        self.turn = None;
+        self.share(FastTurn::After { sum }, register, count)
+    }
+
+    fn share(&mut self, turn: FastTurn, register: u16, count: u8) -> Option<Frame> {
+        let (mut share, number, error) = ([0; LONGEST], self.number, self.status);
+        let data = self.read(register, count)?;
+        let length = write_fast_status(turn, number, error, data, &mut share)?;
+        Frame::packet(EVERYBODY, &share[..length])
     }
 
     fn write(&mut self, register: u16, data: &[u8]) {
@@ -156,6 +201,13 @@ impl Servo {
     }
 
     fn answer(&mut self, register: u16, count: u8) -> Option<Frame> {
+        let (mut packet, number, error, protocol) = ([0; LONGEST], self.number, self.status, self.protocol);
+        let length = write_status(protocol, number, error, self.read(register, count)?, &mut packet)?;
+        Frame::packet(number, &packet[..length])
+    }
+
+    /// The bytes of registers, with the state as it is now.
+    fn read(&mut self, register: u16, count: u8) -> Option<&[u8]> {
         let motor = &self.motor;
         let (position, velocity, temperature) = (motor.position, motor.velocity, motor.temperature);
         let load = motor.torque / motor.largest;
@@ -179,10 +231,7 @@ impl Servo {
             let place = self.registers[switch..].first_chunk_mut::<{ STATE_BYTES as usize }>()?;
             state.encode(place);
         }
-        let data = self.registers.get(usize::from(register)..usize::from(register) + usize::from(count))?;
-        let mut packet = [0; LONGEST];
-        let length = write_status(self.protocol, self.number, self.status, data, &mut packet)?;
-        Frame::packet(self.number, &packet[..length])
+        self.registers.get(usize::from(register)..usize::from(register) + usize::from(count))
     }
 
     /// The position of its goal, rad.

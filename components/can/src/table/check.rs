@@ -5,6 +5,7 @@ use crate::Range;
 use crate::bus::offered::Place;
 use crate::dynamixel;
 use crate::frame::Id;
+use crate::servo::{FAST_AROUND, FAST_HEAD, LONGEST};
 
 /// A mistake: the entry and its index, the value found, the advice.
 pub(super) type Mistake = (Option<(&'static str, usize)>, String, &'static str);
@@ -14,6 +15,8 @@ pub(super) type Refusal = (String, &'static str);
 
 /// Servos on one serial line, whose numbers one packet names.
 const SERVOS: usize = 50;
+/// Servos whose states fit into one packet.
+const FAST_SERVOS: usize = (LONGEST - FAST_HEAD) / (dynamixel::STATE_BYTES as usize + FAST_AROUND);
 
 /// Checks a table by itself.
 pub(super) fn check(table: &Table) -> Result<(), Mistake> {
@@ -128,6 +131,19 @@ fn check_speakers(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     if bus.kind == BusKind::Serial && on_bus().count() > SERVOS {
         let message = format!("bus `{}`: {} servos, expected at most {SERVOS}", bus.name, on_bus().count());
         return Err((message, "spread them over more lines"));
+    }
+    if bus.fast_read {
+        let (message, servos) = (format!("bus `{}`: a fast read", bus.name), on_bus().count());
+        if first.protocol != Protocol::Dynamixel {
+            let advice = "leave `fast_read` out: only Dynamixels answer in one packet";
+            return Err((format!("{message} of drives of {:?}", first.protocol), advice));
+        }
+        if servos > FAST_SERVOS {
+            let message = format!(
+                "{message} of {servos} servos, whose packet is too long: expected at most {FAST_SERVOS}"
+            );
+            return Err((message, "leave `fast_read` out, or spread them over more lines"));
+        }
     }
     Ok(())
 }

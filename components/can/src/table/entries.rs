@@ -24,6 +24,10 @@ pub struct BusEntry {
     pub bitrate: u32,
     /// Bits per second of the data of CAN FD frames; without it the bus is a classic one.
     pub data_bitrate: Option<u32>,
+    /// All servos answer in one packet together (fast sync read), which saves most of their turn-rounds: Dynamixels whose firmware
+    /// knows it, up to nine on a line. Default false.
+    #[serde(default)]
+    pub fast_read: bool,
     /// Longest time from a command to the beginning of its answer. Default 100 us.
     #[serde(default = "turn_round")]
     pub turn_round: TimeSpan,

@@ -14,6 +14,7 @@ use crate::bus::budget::{Budget, Shape};
 use crate::bus::offered::Place;
 use crate::frame::{Form, Id};
 use crate::mit;
+use crate::servo::{FAST_AROUND, FAST_HEAD};
 pub use entries::{BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry};
 
 /// A drive table, as its TOML file has it.
@@ -151,6 +152,14 @@ impl Table {
         self.buses.iter().filter_map(|bus| bus.interface.as_deref()).any(|name| Place::of(name).is_some())
     }
 
+    /// True if one of its simulated buses is that of an adapter on a pseudo-terminal.
+    pub(crate) fn has_adapters_on_terminals(&self) -> bool {
+        let of_can = self.buses.iter().filter(|bus| bus.kind == BusKind::Can);
+        of_can
+            .filter_map(|bus| Place::of(bus.interface.as_deref()?))
+            .any(|place| matches!(place, Place::Terminal(_)))
+    }
+
     /// The index of a drive's bus.
     pub fn bus_of(&self, drive: &DriveEntry) -> Option<usize> {
         self.buses.iter().position(|bus| bus.name == drive.bus)
@@ -231,6 +240,9 @@ impl Table {
                 Protocol::Feetech => {
                     exchanges.push((of(4), of(6 + usize::from(crate::feetech::STATE_BYTES))))
                 }
+                Protocol::Dynamixel if entry.fast_read => {
+                    exchanges.push((of(6), of(FAST_AROUND + usize::from(crate::dynamixel::STATE_BYTES))))
+                }
                 Protocol::Dynamixel => {
                     exchanges.push((of(6), of(11 + usize::from(crate::dynamixel::STATE_BYTES))))
                 }
@@ -252,7 +264,11 @@ impl Table {
             // head and end of both packets; each servo in its turn
             let around = if speaks(Protocol::Dynamixel) { 14 } else { 8 };
             others.extend([Shape { form: Form::Packet, bytes: around, ..plain }; 2]);
-            turn_rounds = exchanges.len() as u64;
+            if entry.fast_read {
+                others.push(Shape { form: Form::Packet, bytes: FAST_HEAD, ..plain });
+            } else {
+                turn_rounds = exchanges.len() as u64;
+            }
         }
         let turn_round_ns = entry.turn_round.ns * turn_rounds;
         Budget { rates: self.rates(bus), exchanges, others, turn_round_ns, cycle_ns }

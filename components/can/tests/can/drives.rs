@@ -10,11 +10,11 @@ const STEP_NS: u64 = 250_000;
 const SHAFT: f64 = 0.5;
 
 /// A protocol, with what its entries have beside those of all.
-struct Case {
-    protocol: &'static str,
-    bus: &'static str,
-    more: &'static str,
-    cycle_ns: u64,
+pub(super) struct Case {
+    pub(super) protocol: &'static str,
+    pub(super) bus: &'static str,
+    pub(super) more: &'static str,
+    pub(super) cycle_ns: u64,
 }
 
 const CASES: [Case; 7] = [
@@ -47,7 +47,7 @@ const CASES: [Case; 7] = [
     Case { protocol: "moteus", bus: "data_bitrate = 5_000_000", more: "", cycle_ns: 1_000_000 },
 ];
 const FEETECH: Case = Case { protocol: "feetech", bus: "kind = \"serial\"", more: "", cycle_ns: 5_000_000 };
-const DYNAMIXEL: Case =
+pub(super) const DYNAMIXEL: Case =
     Case { protocol: "dynamixel", bus: "kind = \"serial\"", more: "", cycle_ns: 5_000_000 };
 
 fn all() -> impl Iterator<Item = Case> {
@@ -55,21 +55,22 @@ fn all() -> impl Iterator<Item = Case> {
 }
 
 /// Two drives on a bus, and the adapter.
-struct Rig {
-    adapter: Adapter,
+pub(super) struct Rig {
+    pub(super) adapter: Adapter,
     bus: SimulatedBus,
     drives: [AnySimulatedDrive; 2],
-    cycle: u64,
-    cycle_ns: u64,
+    pub(super) cycle: u64,
+    pub(super) cycle_ns: u64,
     /// The first drive says nothing.
-    is_silent: bool,
+    pub(super) is_silent: bool,
+    pub(super) is_old: bool,
     torques: [f64; 2],
     /// Position of the shafts, rad.
     shaft: f64,
 }
 
 impl Rig {
-    fn new(case: &Case, overrides: Overrides) -> Self {
+    pub(super) fn new(case: &Case, overrides: Overrides) -> Self {
         let watchdog = if case.protocol == "feetech" { "0 s" } else { "40 ms" };
         let drive = |joint: &str, node: u8| {
             format!(
@@ -92,12 +93,13 @@ impl Rig {
             cycle: 0,
             cycle_ns: case.cycle_ns,
             is_silent: false,
+            is_old: false,
             torques: [0.0; 2],
             shaft: SHAFT,
         }
     }
 
-    fn healthy(case: &Case) -> Self {
+    pub(super) fn healthy(case: &Case) -> Self {
         let mut rig = Self::new(case, Overrides::default());
         rig.run(400);
         assert_eq!(rig.phases(), [Phase::Enabled; 2], "{} {:?}", case.protocol, rig.adapter.wrong_setting());
@@ -105,7 +107,7 @@ impl Rig {
     }
 
     /// Runs cycles: the adapter sends, the bus and the drives go on step by step, the adapter collects.
-    fn run(&mut self, cycles: u64) {
+    pub(super) fn run(&mut self, cycles: u64) {
         for _ in 0..cycles {
             let begin_ns = self.cycle * self.cycle_ns;
             let mut frames = Vec::new();
@@ -121,7 +123,7 @@ impl Rig {
     }
 
     fn step(&mut self, now_ns: u64) {
-        let Self { bus, drives, adapter, is_silent, .. } = self;
+        let Self { bus, drives, adapter, is_silent, is_old, .. } = self;
         for (index, drive) in drives.iter_mut().enumerate() {
             drive.report(now_ns, &mut |frame, time_ns| {
                 if index > 0 || !*is_silent {
@@ -132,10 +134,17 @@ impl Rig {
         while let Some(event) = bus.next(now_ns) {
             let Event::Delivered { sender, frame, time_ns } = event else { panic!("{event:?}") };
             if sender > 0 {
+                for (index, drive) in drives.iter_mut().enumerate() {
+                    drive.overhear(&frame, &mut |answer| {
+                        bus.enqueue(index + 1, answer, time_ns);
+                    });
+                }
                 adapter.take(0, &Received { frame, time_ns });
                 continue;
             }
-            for (index, drive) in drives.iter_mut().enumerate() {
+            // servos of an older firmware know no fast read
+            let is_known = !*is_old || frame.data().get(7) != Some(&0x8a);
+            for (index, drive) in drives.iter_mut().enumerate().filter(|_| is_known) {
                 drive.receive(&frame, time_ns, &mut |answer| {
                     if index > 0 || !*is_silent {
                         bus.enqueue(index + 1, answer, time_ns + 50_000);

@@ -9,6 +9,7 @@ mod damiao;
 mod database;
 mod drives;
 mod eds;
+mod fast_read;
 mod faults;
 mod mit;
 mod moteus;

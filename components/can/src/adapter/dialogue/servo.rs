@@ -2,6 +2,7 @@
 //! answer one after the other.
 
 use super::{Dialogue, Heard, Motion, Order};
+use crate::adapter::common_answer::CommonAnswer;
 use crate::adapter::{Link, OnTrip, WrongSetting};
 use crate::dynamixel;
 use crate::feetech;
@@ -257,12 +258,13 @@ impl Servo {
         Ok(feedback)
     }
 
-    /// Writes the packets of a cycle for all servos of a line, and notes after how many frames each has been asked.
+    /// Writes the packets of a cycle for all servos of a line, and notes after how many frames each has been asked. They answer
+    /// together where they can, unless one was silent: those behind it would be, too.
     pub(in crate::adapter) fn write_line(
         links: &mut [Link],
+        common: Option<&mut CommonAnswer>,
         bus: usize,
-        trip: Option<OnTrip>,
-        cycle: u64,
+        (trip, cycle): (Option<OnTrip>, u64),
         frames: &mut Vec<Frame>,
     ) {
         let before = frames.len();
@@ -307,7 +309,12 @@ impl Servo {
         servos[..count].sort_unstable();
         let (register, bytes) = maker.asked()[chosen];
         let servos = &servos[..count];
-        out.push(&Instruction::ReadMany { register, count: bytes, servos });
+        let is_whole = links.iter().all(|link| link.bus() != bus || link.silent() == 0 && !link.is_probed);
+        let together = is_whole && common.is_some_and(|common| common.ask(bytes));
+        out.push(&match together {
+            true => Instruction::FastReadMany { register, count: bytes, servos },
+            false => Instruction::ReadMany { register, count: bytes, servos },
+        });
     }
 }
 

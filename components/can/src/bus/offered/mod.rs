@@ -13,6 +13,7 @@ use std::io;
 use super::Received;
 use super::bits::Rates;
 use super::report::Report;
+pub(crate) use terminal::BATCH_NS;
 pub use terminal::TerminalOffer;
 pub use unix::{UnixBus, UnixOffer};
 

@@ -19,6 +19,12 @@ use crate::servo;
 
 /// Bytes that wait for a program that does not read.
 const ROOM: usize = 8192;
+/// Longest time for which a step waits for the next line of a batch, and for all of them, ns.
+///
+/// The driver of the kernel hands a line over once the one before has been read, by a worker of the kernel: who looks once a
+/// step takes one frame a step, whereas the microcontroller of an adapter reads as fast as lines come.
+const NEXT_LINE_NS: u64 = 60_000;
+pub(crate) const BATCH_NS: u64 = 250_000;
 
 /// A pseudo-terminal on which a simulated bus is offered, with a link to it.
 #[derive(Debug)]
@@ -47,6 +53,12 @@ enum Speech {
     Slcan(slcan::Reader, bool),
     /// Packets of servos as they are.
     Servos(servo::Reader),
+}
+
+impl Speech {
+    fn is_slcan(&self) -> bool {
+        matches!(self, Self::Slcan(..))
+    }
 }
 
 /// Opens a pseudo-terminal, and links `link` to it.
@@ -100,9 +112,18 @@ impl TerminalOffer {
 
     pub(super) fn receive(&mut self, frames: &mut [Received]) -> usize {
         let Some(End { line, .. }) = &mut self.end else { return 0 };
-        let (mut count, time_ns) = (0, monotonic_ns());
+        let (mut count, mut time_ns) = (0, monotonic_ns());
+        let until_ns = time_ns + BATCH_NS;
         while count < frames.len() {
-            let Some(byte) = line.next_byte() else { break };
+            let Some(byte) = line.next_byte() else {
+                let left_ns = until_ns.saturating_sub(time_ns).min(NEXT_LINE_NS);
+                // after a first frame there may be more of its batch
+                if self.speech.is_slcan() && count > 0 && left_ns > 0 && line.wait(left_ns) {
+                    time_ns = monotonic_ns();
+                    continue;
+                }
+                break;
+            };
             let frame = match &mut self.speech {
                 Speech::Servos(reader) => {
                     reader.push_raw(byte).and_then(|(servo, packet)| Frame::packet(servo, packet))

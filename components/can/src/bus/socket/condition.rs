@@ -2,8 +2,8 @@
 
 use crate::bus::report::{ErrorState, Report};
 
-/// The condition of a bus.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// The condition of a bus, the best first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Condition {
     /// It sends and receives.
     #[default]

@@ -24,6 +24,8 @@ pub(super) struct BusAccount {
     /// It is an interface of the computer.
     is_real: bool,
     pub(super) condition: Condition,
+    /// The worst condition of the run.
+    pub(super) worst: Condition,
     /// Counts of what has happened on it.
     pub(super) events: SocketCounts,
 }
@@ -43,6 +45,7 @@ impl BusAccount {
             peak: 0.0,
             is_real: false,
             condition: Condition::Active,
+            worst: Condition::Active,
             events: SocketCounts::default(),
         }
     }
@@ -91,6 +94,7 @@ impl BusAccount {
     /// Puts condition and events into the state that is published.
     fn tell(&mut self) {
         let (counts, condition) = (&self.events, self.condition);
+        self.worst = self.worst.max(condition);
         self.counts.state = match condition {
             Condition::Active => BusHealth::ACTIVE,
             Condition::Warning => BusHealth::WARNING,

@@ -38,6 +38,7 @@ impl CanAdapter {
                 "errors": bus.counts.errors,
                 "bus_off": bus.counts.bus_off,
                 "condition": bus.condition.name(),
+                "worst_condition": bus.worst.name(),
                 "unacknowledged": bus.events.unacknowledged,
                 "queue_full": bus.events.queue_full,
                 "down": bus.events.down,

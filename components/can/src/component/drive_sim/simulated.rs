@@ -8,7 +8,7 @@ use super::{Axis, BABBLE_NS, Drives};
 use crate::bus::simulated::Event;
 use crate::component::adapter::BATCH;
 use crate::component::faults::FaultKind;
-use crate::{Condition, ErrorState, Frame, Id, Report, SimulatedBus, Table};
+use crate::{Condition, ErrorState, Form, Frame, Id, Report, SimulatedBus, Table};
 
 /// Simulated buses, with what leads to them.
 pub(super) struct Simulated {
@@ -137,6 +137,12 @@ impl Simulated {
                     });
                 }
                 Event::Delivered { frame, time_ns, .. } if wire.bus.state(0) != ErrorState::Off => {
+                    if frame.form == Form::Packet {
+                        let Wire { bus, twin, .. } = wire;
+                        drives.overhear(index, &frame, time_ns, &mut |sender, answer, ready_ns| {
+                            bus.enqueue(sender.node(*twin), answer, ready_ns);
+                        });
+                    }
                     self.ends.tell(index, &frame, time_ns);
                 }
                 Event::Disturbed { sender: 0, is_unacknowledged: true, .. } => wire.is_unacknowledged = true,

@@ -219,7 +219,7 @@ impl Drive {
     }
 
     fn frame(&self, data: [u8; 8]) -> Frame {
-        Frame::classic(self.id(), &data).in_form(self.form)
+        Frame::of_eight(self.id(), self.form, data)
     }
 
     /// The drive's side: what a frame asks of it.

@@ -3,10 +3,12 @@
 //! A servo is a table of registers, which are read and written, of one servo or of many at once. All servos share one line
 //! and answer when they are asked. Packets of both protocols may come on the same line: [`Reader`] reads either.
 
+mod fast;
 mod packet;
 
 use crate::frame::DecodeError;
-pub use packet::{Packet, fast_answers};
+pub use fast::{FAST_AROUND, FAST_HEAD, FastReader, FastTurn, fast_sum, write_fast_status};
+pub use packet::Packet;
 
 /// The number that all servos hear.
 pub const EVERYBODY: u8 = 0xfe;
@@ -59,7 +61,7 @@ pub enum Instruction<'a> {
         /// The numbers of the servos.
         servos: &'a [u8],
     },
-    /// The same, and they answer in one packet together: [`fast_answers`]. Of protocol 2, where the firmware knows it.
+    /// The same, and they answer in one packet together: [`FastReader`]. Of protocol 2, where the firmware knows it.
     FastReadMany {
         /// The first register.
         register: u16,
@@ -220,7 +222,12 @@ fn checksum(bytes: &[u8]) -> u8 {
 
 /// The checksum of 16 bits with the polynomial 0x8005, the highest bit first.
 fn crc(bytes: &[u8]) -> u16 {
-    bytes.iter().fold(0, |crc, byte| {
+    crc_from(0, bytes)
+}
+
+/// The same, after bytes that have this checksum.
+fn crc_from(before: u16, bytes: &[u8]) -> u16 {
+    bytes.iter().fold(before, |crc, byte| {
         (0..8).fold(
             crc ^ u16::from(*byte) << 8,
             |crc, _| {
@@ -274,6 +281,13 @@ impl Reader {
         let (protocol, whole) = self.end(byte)?;
         let servo = self.bytes[if protocol == Protocol::One { 2 } else { 4 }];
         Some((servo, &self.bytes[..whole]))
+    }
+
+    /// Forgets a common answer of many servos that has begun: one that is silent leaves it without an end.
+    pub(crate) fn drop_common(&mut self) {
+        if matches!(self.bytes[..self.length], [0xff, 0xff, 0xfd, 0, EVERYBODY, _, _, STATUS, ..]) {
+            self.length = 0;
+        }
     }
 
     /// Takes a byte; the protocol and the length of the packet that it ends.

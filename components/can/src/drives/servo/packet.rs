@@ -1,7 +1,7 @@
 //! Whole packets: answers as the adapter finds them on its line, instructions as a servo does.
 
 use super::{
-    FAST_READ_MANY, Instruction, LONGEST, PING, Protocol, READ, READ_MANY, STATUS, Status, WRITE, WRITE_MANY,
+    FAST_READ_MANY, Instruction, LONGEST, PING, Protocol, READ, READ_MANY, Status, WRITE, WRITE_MANY,
     checksum, crc, one, two,
 };
 use crate::frame::DecodeError;
@@ -141,31 +141,4 @@ pub(super) fn unstuff(packet: &mut [u8], end: usize) -> usize {
         at += 1;
     }
     length
-}
-
-/// The answers in the one packet with which servos of protocol 2 answer [`Instruction::FastReadMany`]: number of the servo, error,
-/// and `count` bytes each. Up to the first whose checksum is wrong, which the servos behind it could not see.
-///
-/// ```
-/// use motorium_can::servo::fast_answers;
-///
-/// let packet = [0xff, 0xff, 0xfd, 0, 0xfe, 9, 0, 0x55, 0, 3, 0xa6, 0, 0, 0, 0x8b, 0x68];
-/// // with a checksum that is not that of the packet no answer is taken
-/// assert_eq!(fast_answers(&packet, 4).count(), 0);
-/// ```
-pub fn fast_answers(packet: &[u8], count: u8) -> impl Iterator<Item = Status<'_>> {
-    let block = usize::from(count) + 4;
-    let is_one = matches!(packet, [0xff, 0xff, 0xfd, 0, 0xfe, low, high, STATUS, ..]
-        if 7 + usize::from(u16::from_le_bytes([*low, *high])) == packet.len());
-    let blocks = if is_one { (packet.len() - 8) / block } else { 0 };
-    (0..blocks).map_while(move |index| {
-        let begin = 8 + index * block;
-        let end = checked(packet.get(..begin + block)?).ok()?;
-        Some(Status {
-            protocol: Protocol::Two,
-            servo: packet[begin + 1],
-            error: packet[begin],
-            data: &packet[begin + 2..end],
-        })
-    })
 }

@@ -1,0 +1,117 @@
+//! The way from a drive to its bus, with what befalls its frames on it.
+
+use super::config::DriveSimulationConfig;
+use super::{Axis, Drive};
+use crate::component::faults::{Fault, FaultKind};
+use crate::{Frame, Id};
+
+/// The drive that sends a frame.
+#[derive(Clone, Copy)]
+pub(super) struct Speaker {
+    entry: usize,
+    node: usize,
+    is_odrive: bool,
+}
+
+impl Speaker {
+    pub(super) fn of(axis: &Axis) -> Self {
+        Self { entry: axis.entry, node: axis.node, is_odrive: matches!(axis.drive, Drive::Odrive(_)) }
+    }
+}
+
+/// The way from a drive to its bus, with what befalls its frames.
+pub(super) struct Voice<'a> {
+    pub(super) faults: &'a [Fault],
+    pub(super) config: &'a DriveSimulationConfig,
+    pub(super) random: &'a mut u64,
+    pub(super) lost: &'a mut u64,
+}
+
+impl Voice<'_> {
+    /// Sends a frame of a drive `delay_ns` after `time_ns`, unless something befalls it.
+    pub(super) fn say(
+        &mut self,
+        speaker: Speaker,
+        frame: Frame,
+        time_ns: u64,
+        delay_ns: u64,
+        answer_with: &mut dyn FnMut(Sender, Frame, u64),
+    ) {
+        let (faults, config) = (self.faults, self.config);
+        let has = |kind| faults.iter().find(|fault| fault.befalls(kind, speaker.entry, time_ns));
+        let lost = config.loss > 0.0 && uniform(self.random) < config.loss;
+        if has(FaultKind::Silent).is_some() || lost {
+            *self.lost += 1;
+            return;
+        }
+        let jitter_ns = match config.jitter.ns {
+            0 => 0,
+            jitter => (uniform(self.random) * jitter as f64) as u64,
+        };
+        let late_ns = has(FaultKind::Late).map_or(0, |fault| fault.delay_ns);
+        let ready_ns = time_ns + delay_ns + jitter_ns + late_ns;
+        let frame = if has(FaultKind::WrongLength).is_some() {
+            let length = frame.data().len().min(6).saturating_sub(1);
+            Frame::new(frame.id, frame.form, &frame.data()[..length]).unwrap_or(frame)
+        } else if has(FaultKind::Corrupt).is_some() {
+            corrupt(frame, speaker.is_odrive)
+        } else {
+            frame
+        };
+        answer_with(Sender::Drive(speaker.node), frame, ready_ns);
+        if has(FaultKind::Duplicate).is_some() {
+            answer_with(Sender::Drive(speaker.node), frame, ready_ns);
+        }
+        if has(FaultKind::Twin).is_some() {
+            answer_with(Sender::Twin, elsewhere(frame), ready_ns);
+        }
+    }
+}
+
+/// The node that sends an answer.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Sender {
+    /// That of a drive.
+    Drive(usize),
+    /// Another drive with the same number.
+    Twin,
+}
+
+impl Sender {
+    /// The node that it is, where `twin` is that of the other drive.
+    pub(super) fn node(self, twin: usize) -> usize {
+        match self {
+            Self::Drive(node) => node,
+            Self::Twin => twin,
+        }
+    }
+}
+
+/// The answer of another drive with the same number, whose shaft stands elsewhere.
+fn elsewhere(mut answer: Frame) -> Frame {
+    if let Some(position) = answer.data_mut().get_mut(1) {
+        *position ^= 0x20;
+    }
+    answer
+}
+
+/// An answer with a device, a state or a number that there is not.
+fn corrupt(mut answer: Frame, is_odrive: bool) -> Frame {
+    let is_heartbeat = matches!(answer.id, Id::Standard(id) if id & 0x1f == 0x01);
+    match answer.data_mut() {
+        [_, _, _, _, state, ..] if is_odrive && is_heartbeat => *state ^= 0x70,
+        [_, _, c, d, ..] if is_odrive => (*c, *d) = (*c | 0x80, *d | 0x7f),
+        [first, ..] => *first ^= 0x70,
+        [] => {}
+    }
+    answer
+}
+
+/// A number that looks random, from 0 to 1: splitmix64.
+fn uniform(state: &mut u64) -> f64 {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = *state;
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (z >> 11) as f64 / (1_u64 << 53) as f64
+}

@@ -1,0 +1,154 @@
+//! The one packet with which servos of protocol 2 answer a fast read together: the first one begins it, and each adds its share
+//! once it has heard that of the servo before.
+
+use super::{EVERYBODY, LONGEST, Protocol, STATUS, Status, Writer, crc_from};
+use crate::frame::DecodeError;
+
+/// Bytes of the head of the packet.
+pub const FAST_HEAD: usize = 8;
+/// Bytes of a share beside its data: error, number and checksum.
+pub const FAST_AROUND: usize = 4;
+
+/// The turn of a servo in the common packet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FastTurn {
+    /// It begins the packet of so many servos.
+    First {
+        /// Number of servos that answer.
+        servos: usize,
+    },
+    /// Others have spoken before.
+    After {
+        /// The sum of all that they said: [`fast_sum`].
+        sum: u16,
+    },
+}
+
+/// The sum of a common packet after these bytes of it; 0 before its first one.
+pub fn fast_sum(sum: u16, bytes: &[u8]) -> u16 {
+    crc_from(sum, bytes)
+}
+
+/// The servo's side: writes its share of the common packet; how many bytes it has, `None` if it does not fit.
+///
+/// ```
+/// use motorium_can::servo::{FastTurn, LONGEST, fast_sum, write_fast_status};
+///
+/// let mut share = [0; LONGEST];
+/// let length = write_fast_status(FastTurn::First { servos: 2 }, 3, 0, &[0xa6, 0], &mut share).ok_or("too long")?;
+/// let sum = fast_sum(0, &share[..length]);
+/// assert!(write_fast_status(FastTurn::After { sum }, 7, 0, &[0x1f, 8], &mut share).is_some());
+/// # Ok::<(), &str>(())
+/// ```
+pub fn write_fast_status(
+    turn: FastTurn,
+    servo: u8,
+    error: u8,
+    data: &[u8],
+    share: &mut [u8; LONGEST],
+) -> Option<usize> {
+    let mut out = Writer { bytes: share, length: 0 };
+    let mut sum = 0;
+    match turn {
+        FastTurn::First { servos } => {
+            let length = u16::try_from(1 + servos * (data.len() + FAST_AROUND)).ok()?;
+            let [low, high] = length.to_le_bytes();
+            out.put(&[0xff, 0xff, 0xfd, 0, EVERYBODY, low, high, STATUS])?;
+        }
+        FastTurn::After { sum: before } => sum = before,
+    }
+    out.put(&[error, servo])?;
+    out.put(data)?;
+    let sum = crc_from(sum, &out.bytes[..out.length]);
+    out.put(&sum.to_le_bytes())?;
+    Some(out.length)
+}
+
+/// A reader of common packets, share by share: those of the servos before one that is silent or damaged are read, too.
+///
+/// ```
+/// use motorium_can::servo::FastReader;
+///
+/// let mut reader = FastReader::default();
+/// reader.expect(4);
+/// reader.push(&[0xff, 0xff, 0xfd, 0, 0xfe, 9, 0, 0x55, 0, 3, 0xa6, 0, 0, 0]);
+/// assert!(reader.next().is_none(), "its checksum has not come yet");
+/// ```
+#[derive(Clone, Debug)]
+pub struct FastReader {
+    bytes: [u8; LONGEST],
+    length: usize,
+    /// The first byte of the next share; 0 before the head, beyond all bytes once the packet is over.
+    next: usize,
+    /// The byte behind the last share.
+    end: usize,
+    sum: u16,
+    /// Bytes of data of each servo.
+    count: usize,
+}
+
+const OVER: usize = usize::MAX;
+
+impl Default for FastReader {
+    fn default() -> Self {
+        Self { bytes: [0; LONGEST], length: 0, next: OVER, end: 0, sum: 0, count: 0 }
+    }
+}
+
+impl FastReader {
+    /// The next packet answers a question for so many bytes of each servo.
+    pub fn expect(&mut self, count: u8) {
+        (self.length, self.next, self.count) = (0, 0, count.into());
+    }
+
+    /// Takes bytes of the packet, however it was cut.
+    pub fn push(&mut self, bytes: &[u8]) {
+        let end = self.length + bytes.len();
+        match self.bytes.get_mut(self.length..end) {
+            Some(place) => {
+                place.copy_from_slice(bytes);
+                self.length = end;
+            }
+            None => self.next = OVER,
+        }
+    }
+
+    /// The next share, once it is whole.
+    ///
+    /// # Errors
+    /// The packet is no such answer, or the checksum is wrong: nothing more is read of this packet.
+    #[allow(clippy::should_implement_trait)] // a share borrows the reader
+    pub fn next(&mut self) -> Option<Result<Status<'_>, DecodeError>> {
+        if self.next == 0 {
+            let head = self.bytes[..self.length].first_chunk::<FAST_HEAD>()?;
+            let length = usize::from(u16::from_le_bytes([head[5], head[6]]));
+            let is_head = head[..5] == [0xff, 0xff, 0xfd, 0, EVERYBODY] && head[7] == STATUS;
+            if !is_head || length < 1 || !(length - 1).is_multiple_of(self.count + FAST_AROUND) {
+                self.next = OVER;
+                return Some(Err(DecodeError::Field { field: "the instruction", found: head[7].into() }));
+            }
+            self.sum = crc_from(0, head);
+            (self.next, self.end) = (FAST_HEAD, FAST_HEAD - 1 + length);
+        }
+        let begin = self.next;
+        if begin == OVER || begin >= self.end {
+            return None;
+        }
+        let sum_at = begin + 2 + self.count;
+        let share = self.bytes[..self.length].get(begin..sum_at + 2)?;
+        let sum = crc_from(self.sum, &share[..2 + self.count]);
+        let told = u16::from_le_bytes([share[2 + self.count], share[3 + self.count]]);
+        if sum != told {
+            self.next = OVER;
+            return Some(Err(DecodeError::Field { field: "the checksum", found: told.into() }));
+        }
+        self.sum = crc_from(sum, &told.to_le_bytes());
+        self.next = sum_at + 2;
+        Some(Ok(Status {
+            protocol: Protocol::Two,
+            servo: share[1],
+            error: share[0],
+            data: &self.bytes[begin + 2..sum_at],
+        }))
+    }
+}
