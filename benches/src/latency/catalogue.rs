@@ -53,15 +53,11 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("blocking across cores", &["floor.futex.across", "hop.blocking.across.512", "iceoryx2.across.512"]),
     (
         "64 KiB across cores",
-        &["floor.plain-blocking.65536", "floor.plain-blocking-checked.65536", "hop.blocking.across.65536"],
+        &["floor.plain-blocking.65536", "floor.plain-checked.65536", "hop.blocking.across.65536"],
     ),
     (
         "1 MiB across cores",
-        &[
-            "floor.plain-blocking.1048576",
-            "floor.plain-blocking-checked.1048576",
-            "hop.blocking.across.1048576",
-        ],
+        &["floor.plain-blocking.1048576", "floor.plain-checked.1048576", "hop.blocking.across.1048576"],
     ),
     ("release at 1 kHz", &["floor.timer", "release.1khz"]),
     ("chain of 4", &["floor.chain.4", "chain.4"]),
@@ -95,7 +91,7 @@ pub fn catalogue() -> Vec<Case> {
     add("floor.cache-line".into(), line, true, ping_pong(CacheLine, true, 64, false));
     let plain = "a word and 512 B of plain memory across cores, written and read".to_string();
     add("floor.plain.512".into(), plain, true, ping_pong(Plain, true, 512, false));
-    let checked = "the same, its numbers checked, with a stamp".to_string();
+    let checked = "512 B of plain memory across cores, checked and stamped".to_string();
     add("floor.plain-checked.512".into(), checked, true, ping_pong(PlainChecked, true, 512, false));
     for bytes in [65_536, 1_048_576] {
         let what = format!("futex across cores and {} of plain memory, written and read", size(bytes));
@@ -105,8 +101,8 @@ pub fn catalogue() -> Vec<Case> {
             false,
             ping_pong(PlainBlocking, true, bytes, false),
         );
-        let checked = "the same, its numbers checked, with a stamp".to_string();
-        let name = format!("floor.plain-blocking-checked.{bytes}");
+        let checked = format!("futex across cores and {} of plain memory, checked and stamped", size(bytes));
+        let name = format!("floor.plain-checked.{bytes}");
         add(name, checked, false, ping_pong(PlainBlockingChecked, true, bytes, false));
     }
     let what = "reading the newest state of 1 MiB without touching its bytes".to_string();
