@@ -65,9 +65,9 @@ fn an_arm_elsewhere_is_led_to_the_start_of_a_recording_within_its_limits_and_to_
     let (mut fastest, mut before) = (vec![0.0_f64; 7], begin);
     for step in 3..2000 {
         let now = state(&mut session, step * MS).expect("measured");
-        for joint in 0..7 {
+        for (joint, most) in fastest.iter_mut().enumerate() {
             let [v, last] = [&now, &before].map(|state| state.velocity()[joint]);
-            fastest[joint] = fastest[joint].max(v.abs());
+            *most = most.max(v.abs());
             // The recorded stiffness follows the quintic: within 1 % of a rad/s, half of the limit is kept.
             assert!(v.abs() <= 0.5 * panda.velocity_limit()[joint] + 0.01, "joint {joint} at {step} ms: {v}");
             assert!((v - last).abs() < 7.5e-3 * 1.5, "joint {joint} at {step} ms: from {last} to {v}");
