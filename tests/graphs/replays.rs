@@ -28,11 +28,7 @@ fn to_a_panda_elsewhere(recording: &Recording, offset: f64) -> (Plan, Vec<f64>) 
     let panda = motorium_robots::load("panda", Path::new(".")).expect("in the catalogue");
     let home = panda.profile.as_ref().expect("a profile").home(&panda.model).expect("a pose");
     // The fingers stay where they are.
-    let there: Vec<f64> = home
-        .iter()
-        .enumerate()
-        .map(|(i, q)| if i < 7 { q + offset * [1.0, -1.0][i % 2] } else { *q })
-        .collect();
+    let there: Vec<f64> = home.iter().enumerate().map(|(i, q)| if i < 7 { q + offset } else { *q }).collect();
     let live = ["physics".to_string(), "encoder".to_string()];
     let mut plan = replayed(recording, &live, None).expect("a plan");
     let physics = plan.components.iter_mut().find(|component| component.name == "physics").expect("physics");
@@ -69,17 +65,19 @@ fn an_arm_elsewhere_is_led_to_the_start_of_a_recording_within_its_limits_and_to_
     let (mut fastest, mut before) = (vec![0.0_f64; 7], begin);
     for step in 3..2000 {
         let now = state(&mut session, step * MS).expect("measured");
-        for joint in 0..7 {
+        for (joint, most) in fastest.iter_mut().enumerate() {
             let [v, last] = [&now, &before].map(|state| state.velocity()[joint]);
-            fastest[joint] = fastest[joint].max(v.abs());
+            *most = most.max(v.abs());
             // The recorded stiffness follows the quintic: within 1 % of a rad/s, half of the limit is kept.
             assert!(v.abs() <= 0.5 * panda.velocity_limit()[joint] + 0.01, "joint {joint} at {step} ms: {v}");
             assert!((v - last).abs() < 7.5e-3 * 1.5, "joint {joint} at {step} ms: from {last} to {v}");
         }
         before = now;
     }
-    // 0.3 rad in 2 s at 15/8 of the mean speed.
-    assert!(fastest.iter().all(|v| (0.25..0.33).contains(v)), "{fastest:?}");
+    // 0.3 rad in 2 s at 15/8 of the mean speed: 0.281 rad/s. The drives follow within a fifth of it, since the effort against
+    // gravity is that of the recording alone, and comes in bit by bit.
+    let mean = 0.3 / 2.0;
+    assert!(fastest.iter().all(|v| (v / (1.875 * mean) - 1.0).abs() < 0.2), "{fastest:?}");
     for (joint, (q, home)) in before.position().iter().zip(&home).enumerate().take(7) {
         assert!((q - home).abs() < 5e-3, "joint {joint} is at {q}, the recording begins at {home}");
     }
@@ -93,7 +91,6 @@ fn an_arm_elsewhere_is_led_to_the_start_of_a_recording_within_its_limits_and_to_
     let physics = report.components.iter().find(|component| component.name == "physics").expect("it ran");
     let gate = serde_json::to_value(physics.gate.as_ref().expect("an actuator")).expect("JSON");
     assert_eq!(gate["refused"], serde_json::json!([]), "{gate}");
-    assert_eq!(physics.steps, 3200);
 }
 
 #[test]
@@ -117,23 +114,23 @@ fn an_arm_that_is_too_far_from_a_recording_is_not_moved() {
 fn the_command_says_which_robots_are_led_and_which_are_not() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
-    let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
+    let file = recorded(folder.path(), "panda-reach.toml", &["--for", "200 ms"]);
     let both = ["--live", "physics", "--live", "encoder"];
     let (report, said) =
-        replay(&file, &[&both[..], &["--ease-in", "400 ms", "--ramp-down", "300 ms"]].concat());
-    assert!(said.contains("`controller`: 400 ms to the first recorded pose"), "{said}");
+        replay(&file, &[&both[..], &["--ease-in", "500 ms", "--ramp-down", "300 ms"]].concat());
+    assert!(said.contains("`controller`: 500 ms to the first recorded pose"), "{said}");
     assert_eq!(report["duration_s"], 1.0, "{said}");
     let controller = &report["results"]["controller"];
     assert_eq!((&controller["left"], &controller["refused"]), (&0.into(), &0.into()), "{controller}");
-    // A command at each of 400 and of 300 ticks, give or take those at the seams.
+    // A command at each of 500 and of 300 ticks, give or take those at the seams.
     let eased = controller["eased"].as_u64().expect("a number");
-    assert!((695..=705).contains(&eased), "{controller}");
+    assert!((795..=805).contains(&eased), "{controller}");
 
     let (report, said) = replay(&file, &["--live", "physics", "--ease-in", "400 ms"]);
     assert!(said.contains("warning:") && said.contains("`physics` follows the recording"), "{said}");
     assert_eq!(report["results"]["controller"]["eased"], 0);
     let (report, said) = replay(&file, &[&both[..], &["--ease-in", "0 s"]].concat());
-    assert!(!said.contains("first recorded pose") && report["duration_s"] == 0.3, "{said}");
+    assert!(!said.contains("first recorded pose") && report["duration_s"] == 0.2, "{said}");
 }
 
 #[test]

@@ -183,12 +183,15 @@ impl Row {
 /// looked for.
 fn quantile(snapshot: &Snapshot, share: f64) -> f64 {
     let (wanted, mut seen) = (share * snapshot.count() as f64, 0.0);
+    // The last bucket is full up to there.
+    let greatest = snapshot.percentiles().max;
     for &(bound, count) in snapshot.buckets() {
         let count = count as f64;
         if seen + count >= wanted && count > 0.0 {
             // Buckets are a 32nd of the power of two below them, and not less than 1 ns.
             let width = (((bound + 1).next_power_of_two() / 2).max(32) / 32) as f64;
-            return bound as f64 - width * (1.0 - (wanted - seen) / count);
+            let (low, high) = (bound as f64 - width, bound.min(greatest) as f64);
+            return low + (high - low) * (wanted - seen) / count;
         }
         seen += count;
     }
