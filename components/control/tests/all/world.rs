@@ -27,7 +27,7 @@ fn middle() -> Vector3<f64> {
 
 /// The world with the ball at a place; with a mass it moves.
 fn world(at: Vector3<f64>, mass: &str) -> String {
-    let Vector3 { x, y, z, .. } = at;
+    let [x, y, z] = at.into();
     format!(
         "world = {{ objects = [{{ name = \"ball\", shape = {{ sphere = {{ radius = {RADIUS} }} }}, position = [{x}, {y}, {z}] {mass} }}] }}"
     )
@@ -76,7 +76,7 @@ fn an_arm_keeps_its_distance_from_a_ball_that_stands_in_its_way_by_velocities_an
     let ball = world(middle(), "");
     for level in ["", "inverse_dynamics = {},"] {
         let through = distance(&checked(run(reaching(&format!("{{ {level} {ball} }}")))));
-        assert!(through < -0.05, "{level} without the limit: {through}");
+        assert!(through < -0.03, "{level} without the limit: {through}");
         let kept = distance(&checked(run(reaching(&format!("{{ {level} {ball}, {LIMIT} }}")))));
         assert!((0.028..0.05).contains(&kept), "{level} {kept}");
     }
@@ -106,7 +106,7 @@ fn an_arm_keeps_its_distance_from_where_a_ball_is_and_not_from_where_it_was() {
         let rolled_in = ended(level, far, middle());
         assert!((0.028..0.05).contains(&rolled_in), "{level} {rolled_in}");
         let rolled_away = ended(level, middle(), far);
-        assert!(rolled_away < -0.05, "{level} {rolled_away}");
+        assert!(rolled_away < -0.03, "{level} {rolled_away}");
     }
     // limits that give way know of it, too
     let soft = format!(

@@ -49,7 +49,7 @@ impl Run<'_> {
         self.work.iterations = 0;
         (self.work.tied, self.work.joined) = (false, None);
         (self.work.newest, self.work.bounced) = (None, None);
-        (self.work.shift, self.work.steady) = (0.0, false);
+        self.work.shift = 0.0;
         self.work.centre.fill(0.0);
         let mut factorize = true;
         let mut round = 0;

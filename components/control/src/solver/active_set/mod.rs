@@ -89,8 +89,6 @@ struct Work {
     working: WorkingSet,
     /// Number added to each diagonal entry of the Hessian; 0 if the Hessian is well conditioned.
     shift: f64,
-    /// True after a breakdown of the arithmetic: the shift stays as it is.
-    steady: bool,
     /// Centre of the proximal term `shift / 2 |x - centre|^2`.
     centre: Vec<f64>,
     /// `q - shift centre`.
@@ -130,7 +128,6 @@ impl ActiveSetSolver {
             hessian: Lower::new(n),
             working: WorkingSet::new(n),
             shift: 0.0,
-            steady: false,
             centre: row(),
             gradient: row(),
             g: row(),
