@@ -30,14 +30,18 @@ fn fitted(folder: &std::path::Path) -> std::path::PathBuf {
 #[test]
 fn joints_follow_a_kernelised_primitive_as_it_was_shown() {
     let folder = tempfile::tempdir().unwrap();
-    let config = format!("primitives = [{:?}]\njoints = [\"joint1\", \"joint2\"]", fitted(folder.path()));
+    let config = format!(
+        "primitives = [{:?}]\njoints = [\"joint1\", \"joint2\"]\njoint_command = {{ ease = \"10 ms\" }}",
+        fitted(folder.path())
+    );
     let (report, seen) = run("policy.promp", &config, "", 3.0);
     assert_steady(&report);
     assert_smooth(&seen);
     for (k, at) in seen.iter().take(2000).enumerate() {
         let expected = shown(k as f64 / 2000.0, 0.0);
         for (found, expected) in at.q.iter().zip(expected) {
-            assert!((found - expected).abs() < 0.01, "step {k}: {:?} for {expected}", at.q);
+            // a fifth of the spread of what was shown: the mixture smooths
+            assert!((found - expected).abs() < 0.02, "step {k}: {:?} for {expected}", at.q);
         }
     }
     assert!(seen.iter().all(|seen| seen.q[2] == 0.8), "joint3 is not moved");
@@ -50,7 +54,7 @@ fn a_kernelised_primitive_passes_a_place_and_still_ends_where_it_was_shown() {
     let folder = tempfile::tempdir().unwrap();
     let config = format!(
         "primitives = [{:?}]\njoints = [\"joint1\", \"joint2\"]\nduration = \"3 s\"\n\
-         via = [{{ at = 0.5, position = [0.85, 0.45] }}]",
+         via = [{{ at = 0.5, position = [0.82, 0.67] }}]",
         fitted(folder.path())
     );
     let (report, seen) = run("policy.promp", &config, "", 4.0);
@@ -60,7 +64,8 @@ fn a_kernelised_primitive_passes_a_place_and_still_ends_where_it_was_shown() {
         let q = &seen[at].q;
         assert!(q.iter().zip(expected).all(|(q, e)| (q - e).abs() < most), "{q:?} for {expected:?}");
     };
-    assert!((shown(0.5, 0.0)[0] - 0.85).abs() > 0.1, "the place is beside the way that was shown");
-    is_near(1500, [0.85, 0.45], 5e-3);
-    is_near(3500, shown(1.0, 0.0), 0.01);
+    // beside the way that was shown, where what was shown differs: both joints are farther or both are less far
+    assert!((0..2).all(|d| [0.82, 0.67][d] - shown(0.5, 0.0)[d] > 0.11));
+    is_near(1500, [0.82, 0.67], 5e-3);
+    is_near(3500, shown(1.0, 0.0), 0.02);
 }

@@ -71,6 +71,7 @@ fn joints_write_the_letters_of_pictures_at_the_pen_speed_that_is_asked_for() {
         assert!((0.8 * length / seconds - 1.0).abs() < 0.1, "{length} letter sizes, {seconds} s for 80 %");
 
         let document = std::fs::read_to_string(&drawing).unwrap();
-        assert!(document.contains(">shown, n = 6<") && document.matches("<path").count() == 3, "{document}");
+        let name = format!(">shown, n = {}<", coupling.library().rank());
+        assert!(document.contains(&name) && document.matches("<path").count() == 3, "{document}");
     }
 }
