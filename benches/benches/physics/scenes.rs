@@ -59,8 +59,10 @@ pub(crate) fn scenes(chosen: impl Fn(&str) -> bool) -> Vec<Scene> {
     let robots = SCENES.into_iter().filter(|(name, ..)| chosen(name));
     let mut scenes: Vec<_> =
         robots.map(|(name, robot, motion)| Scene::of_robot(name, robot, motion)).collect();
-    if chosen("20 boxes") {
-        scenes.push(Scene::of_boxes("20 boxes", 20));
+    for (name, boxes) in [("20 boxes", 20), ("100 boxes", 100)] {
+        if chosen(name) {
+            scenes.push(Scene::of_boxes(name, boxes));
+        }
     }
     scenes
 }
@@ -110,7 +112,9 @@ impl Scene {
             .collect();
         let ground = Some(Ground { height: -5.0, friction: 0.6, restitution: 0.0 });
         let world = World { ground, objects, ..World::default() };
-        let simulation = ArticulatedSimulator::new(loaded.model, world, &[0.0], Options::default())
+        // The peers' boxes do not sleep either.
+        let options = Options { sleeping: false, ..Options::default() };
+        let simulation = ArticulatedSimulator::new(loaded.model, world, &[0.0], options)
             .expect("the boxes can be simulated");
         let mut scene = Self {
             name,

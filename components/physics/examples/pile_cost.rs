@@ -1,7 +1,8 @@
-//! Cost of a step of one millisecond while boxes fall into a pile, and when they lie there.
+//! Cost of a step of one millisecond while boxes fall into a pile, and when they lie there; with `awake` none may sleep.
 //!
 //! ```sh
 //! cargo run --release -p motorium-physics --example pile_cost -- 20 100
+//! cargo run --release -p motorium-physics --example pile_cost -- awake 20 100
 //! ```
 
 use std::path::Path;
@@ -15,10 +16,12 @@ const STEPS: usize = 500;
 const TURNS: usize = 6;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let counts: Vec<usize> = std::env::args().skip(1).map(|count| count.parse()).collect::<Result<_, _>>()?;
+    let mut arguments = std::env::args().skip(1).peekable();
+    let sleeping = arguments.next_if(|argument| argument == "awake").is_none();
+    let counts: Vec<usize> = arguments.map(|count| count.parse()).collect::<Result<_, _>>()?;
     let counts = if counts.is_empty() { vec![20, 100] } else { counts };
     for count in counts {
-        let mut simulation = pile(count)?;
+        let mut simulation = pile(count, sleeping)?;
         for turn in 0..TURNS {
             let start = Instant::now();
             for _ in 0..STEPS {
@@ -46,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// Rings of five boxes above one another, beside a pendulum that hangs far above.
-fn pile(count: usize) -> Result<ArticulatedSimulator, Box<dyn std::error::Error>> {
+fn pile(count: usize, sleeping: bool) -> Result<ArticulatedSimulator, Box<dyn std::error::Error>> {
     let objects = (0..count).map(|index| {
         let (layer, place) = (index / 5, index % 5);
         let angle = place as f64 * 1.2566 + layer as f64 * 0.3;
@@ -63,5 +66,5 @@ fn pile(count: usize) -> Result<ArticulatedSimulator, Box<dyn std::error::Error>
     let ground = Some(Ground { height: -5.0, friction: 0.6, restitution: 0.0 });
     let world = World { ground, objects: objects.collect(), ..World::default() };
     let pendulum = load("pendulum", Path::new("."))?.model;
-    Ok(ArticulatedSimulator::new(pendulum, world, &[0.0], Options::default())?)
+    Ok(ArticulatedSimulator::new(pendulum, world, &[0.0], Options { sleeping, ..Options::default() })?)
 }

@@ -30,6 +30,9 @@ pub struct Options {
     /// contact is the mean of both surfaces'.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
+    /// Objects that have stood still for half a second sleep with all that they touch, default true: their forces stay, and they
+    /// cost next to nothing until something touches them or they are moved. Those of rapier and MuJoCo never sleep.
+    pub sleeping: bool,
 }
 
 impl Default for Options {
@@ -41,6 +44,7 @@ impl Default for Options {
             armature: 0.0,
             friction: 0.8,
             restitution: 0.0,
+            sleeping: true,
         }
     }
 }

@@ -70,7 +70,10 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 ///
 /// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders and the
 /// outermost points of meshes, each against the surface of the other collider. Where these miss a
-/// contact, as between crossing edges, the nearest points of the two colliders are used.
+/// contact, as between crossing edges, the nearest points of the two colliders are used. Two boxes touch at the corners of the
+/// patch that their faces share, or where two edges cross.
+///
+/// Objects that have stood still for half a second sleep, and with them all that they touch, until something reaches them.
 ///
 /// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each integration
 /// step the velocity of the base is corrected by the momentum that the integration lost.
@@ -84,8 +87,6 @@ pub struct Articulated {
     rays: Rays,
     /// Poses of the bases, as all was placed last.
     bases: Vec<Isometry3<f64>>,
-    /// Length of the last integration step \[s\].
-    h: f64,
     sums: ImpulseSums,
 }
 
@@ -110,7 +111,6 @@ const INSIDE: f64 = 1e-3;
 pub struct ArticulatedState {
     parts: Vec<PartState>,
     scene: SceneState,
-    h: f64,
 }
 
 struct PartState {
@@ -141,8 +141,7 @@ impl Engine for Articulated {
             options: *options,
             bases: vec![Isometry3::identity(); parts.len()],
             parts,
-            scene: ContactScene::new(robot, colliders, world),
-            h: 1e-3,
+            scene: ContactScene::new(robot, colliders, world, options.sleeping),
         })
     }
 
@@ -221,7 +220,7 @@ impl Engine for Articulated {
             external: part.external.clone(),
             actuators: part.actuators.save(),
         };
-        ArticulatedState { parts: self.parts.iter().map(part).collect(), scene: self.scene.save(), h: self.h }
+        ArticulatedState { parts: self.parts.iter().map(part).collect(), scene: self.scene.save() }
     }
 
     fn restore(&mut self, _: &Robot, state: &ArticulatedState) -> bool {
@@ -235,7 +234,6 @@ impl Engine for Articulated {
             part.external.copy_from_slice(&saved.external);
         }
         self.scene.restore(&state.scene);
-        self.h = state.h;
         true
     }
 
@@ -266,7 +264,7 @@ impl Engine for Articulated {
 
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {
         for (index, point, first, second) in self.scene.points() {
-            let force = self.scene.impulses.normal(index) / self.h;
+            let force = self.scene.impulses.normal(index) / point.h;
             if point.distance > 0.0 && force <= 0.0 {
                 continue;
             }
@@ -277,7 +275,7 @@ impl Engine for Articulated {
                 normal: point.normal,
                 depth: (-point.distance).max(0.0),
                 force,
-                friction: self.scene.impulses.vector(index, &point.normal) / self.h - point.normal * force,
+                friction: self.scene.force(index, point) - point.normal * force,
             });
         }
     }
@@ -290,6 +288,16 @@ impl Articulated {
             *base = robot.base_pose(of);
         }
         self.scene.set_poses(|of| &robot.articulations[of].kinematics, &self.bases);
+    }
+
+    /// Places all colliders as robots and objects stand in their next state.
+    fn place_next(&mut self, robot: &Robot) {
+        let parts = &self.parts;
+        // What has not moved yet stands as it did at the start of the step.
+        let of = |of: usize| {
+            if parts[of].h > 0.0 { &parts[of].kinematics } else { &robot.articulations[of].kinematics }
+        };
+        self.scene.set_poses(of, &self.bases);
     }
 
     /// Pairs of links closer than [`TOO_CLOSE`], with a warning each; warns of links inside other things, too.
@@ -352,7 +360,7 @@ impl Simulation<Articulated> {
     /// Sum of the contact forces on the robot, those between links of robots excepted, during the last integration step
     /// \[N\], world axes.
     pub fn contact_force(&self) -> Vector3<f64> {
-        self.engine.scene.force_on_robot(self.engine.h)
+        self.engine.scene.force_on_robot()
     }
 
     /// Passes each contact force on a moving link of a robot, friction included, of the last integration step to
@@ -360,8 +368,7 @@ impl Simulation<Articulated> {
     pub fn visit_forces(&self, visit: &mut dyn FnMut(&LinkForce<'_>)) {
         let scene = &self.engine.scene;
         for (index, contact, first, second) in scene.points() {
-            let (point, force) =
-                (contact.point, scene.impulses.vector(index, &contact.normal) / self.engine.h);
+            let (point, force) = (contact.point, scene.force(index, contact));
             if contact.owners.0.is_robot() {
                 visit(&LinkForce { link: &first.name, point, force });
             }

@@ -28,6 +28,11 @@ pub(super) struct Part {
     /// Its modes are to be guessed again.
     pub(super) pending: bool,
     pub(super) settled: bool,
+    /// Length of the next integration step \[s\]; zero where its step is over.
+    pub(super) h: f64,
+    /// Joints whose effort was cut in the step, and those at a limit at its end.
+    pub(super) saturated: usize,
+    pub(super) at_limit: usize,
 }
 
 impl Part {
@@ -49,6 +54,9 @@ impl Part {
             momentum: None,
             pending: false,
             settled: false,
+            h: 0.0,
+            saturated: 0,
+            at_limit: 0,
         })
     }
 }

@@ -11,9 +11,6 @@ use super::{Articulated, JointEvents, Part, Singular};
 use crate::robot::{Articulation, Robot, State};
 use crate::{JointCommand, StepError, StepReport};
 
-/// Closer than this to a contact, contacts decide the length of the integration steps \[m\].
-const NEAR: f64 = 0.010;
-
 impl Articulated {
     /// The next state of the robots and the objects, `dt` \[s\] after the current one.
     pub(super) fn advance_by(&mut self, robot: &mut Robot, dt: f64) -> Result<StepReport, StepError> {
@@ -22,51 +19,58 @@ impl Articulated {
             part.actuators.begin(robot, &own.drives());
         }
         self.place(robot);
-        let near = self.scene.detect(dt, NEAR).iter().any(|point| point.distance < NEAR);
-        let steps = if near { self.options.contact_iterations } else { self.options.substeps };
+        let counts = [self.options.substeps, self.options.contact_iterations];
+        let steps = self.scene.begin(dt, &robot.gravity, counts);
         self.sums.clear();
         let mut report = StepReport::default();
-        let h = dt / steps as f64;
         for step in 0..steps {
+            self.scene.set_lengths(step, dt, counts);
+            for (of, part) in self.parts.iter_mut().enumerate() {
+                part.h = self.scene.length(of);
+            }
             if step > 0 {
                 let state = &robot.state;
-                for ((part, own), base) in
-                    self.parts.iter_mut().zip(&robot.articulations).zip(&mut self.bases)
-                {
+                let places = self.parts.iter_mut().zip(&robot.articulations).zip(&mut self.bases);
+                for ((part, own), base) in places.filter(|((part, _), _)| part.h > 0.0) {
                     let (q, v) = (&state.q_next[own.q()], &state.v_next[own.v()]);
                     part.kinematics.update_with_velocity(&own.model, q, v);
                     *base = own.base_pose(&state.q_next);
                 }
-                let parts = &self.parts;
-                self.scene.set_poses(|of| &parts[of].kinematics, &self.bases);
-                self.scene.detect(h, 0.0);
+                self.place_next(robot);
+                self.scene.detect(self.scene.longest(), 0.0);
             }
-            self.integrate(robot, step == 0, h, &mut report)?;
+            self.integrate(robot, step == 0, dt, &mut report)?;
+        }
+        for part in &self.parts {
+            report.saturated += part.saturated;
+            report.at_limit += part.at_limit;
         }
         Ok(report)
     }
 
-    /// One integration step of `h` \[s\] of the next state. Robots and objects have been placed; before the `first`
-    /// step the next state is the current one.
+    /// One integration step of the next state. Robots and objects have been placed; before the `first` step the next state
+    /// is the current one.
     fn integrate(
         &mut self,
         robot: &mut Robot,
         first: bool,
-        h: f64,
+        dt: f64,
         report: &mut StepReport,
     ) -> Result<(), StepError> {
         let Robot { articulations, commands, state, gravity, .. } = robot;
         let Self { parts, scene, sums, .. } = self;
         let kinematics =
             |of: usize| if first { &articulations[of].kinematics } else { &parts[of].kinematics };
-        scene.prepare(articulations, kinematics, &state.v_next, (gravity, h));
+        scene.prepare(articulations, kinematics, &state.v_next, gravity);
         for (of, (part, own)) in parts.iter_mut().zip(&*articulations).enumerate() {
-            part.begin((own, first), (&commands[own.drives()], state), (gravity, h), || scene.is_held(of));
+            if part.h > 0.0 {
+                part.begin((own, first), (&commands[own.drives()], state), gravity, || scene.is_held(of));
+            }
         }
         for _ in 0..GUESSES {
             for (part, own) in parts.iter_mut().zip(&*articulations).filter(|(part, _)| part.pending) {
                 let now = (&state.q_next[own.q()], &state.v_next[own.v()]);
-                let found = part.integrator.find_free(&own.model, now, h);
+                let found = part.integrator.find_free(&own.model, now, part.h);
                 found.map_err(|Singular(index)| StepError::singular(own, index))?;
             }
             scene.impulses.solve(parts);
@@ -74,7 +78,7 @@ impl Articulated {
             for (of, (part, own)) in parts.iter_mut().zip(&*articulations).enumerate() {
                 if part.pending {
                     let now = (&state.q_next[own.q()], &state.v_next[own.v()]);
-                    part.settled = part.integrator.confirm(&own.model, now, h);
+                    part.settled = part.integrator.confirm(&own.model, now, part.h);
                     part.pending = !part.settled;
                     settled &= part.settled;
                     if part.pending {
@@ -89,21 +93,13 @@ impl Articulated {
                 part.pending |= scene.impulses.is_pending(of);
             }
         }
-        let (mut saturated, mut at_limit) = (0, 0);
-        for (part, own) in parts.iter_mut().zip(&*articulations) {
-            let events = part.finish(own, state, gravity, h);
-            saturated += events.saturated;
-            at_limit += events.at_limit;
+        for (part, own) in parts.iter_mut().zip(&*articulations).filter(|(part, _)| part.h > 0.0) {
+            let events = part.finish(own, state, gravity);
+            part.saturated = if first { events.saturated } else { part.saturated.max(events.saturated) };
+            part.at_limit = events.at_limit;
         }
-        for (index, contact, ..) in scene.points() {
-            let (first, second) = contact.colliders;
-            sums.add([first, second], &contact.point, &scene.impulses.vector(index, &contact.normal));
-        }
-        scene.impulses.push_objects(&mut scene.objects.next);
-        scene.objects.move_on(h);
-        self.h = h;
-        report.saturated = report.saturated.max(saturated);
-        report.at_limit = at_limit;
+        scene.add_impulses(first, dt, sums);
+        scene.finish();
         report.near_contact |= self.scene.on_robot();
         Ok(())
     }
@@ -115,9 +111,10 @@ impl Part {
         &mut self,
         (own, first): (&Articulation, bool),
         (commands, state): (&[JointCommand], &mut State),
-        (gravity, h): (&Vector3<f64>, f64),
+        gravity: &Vector3<f64>,
         is_held: impl Fn() -> bool,
     ) {
+        let h = self.h;
         let (model, rotors) = (&own.model, &own.rotors);
         let kinematics = if first { &own.kinematics } else { &self.kinematics };
         let (commands, rotor_commands) = commands.split_at(model.joint_count());
@@ -144,13 +141,8 @@ impl Part {
     }
 
     /// Ends an integration step.
-    fn finish(
-        &mut self,
-        own: &Articulation,
-        state: &mut State,
-        gravity: &Vector3<f64>,
-        h: f64,
-    ) -> JointEvents {
+    fn finish(&mut self, own: &Articulation, state: &mut State, gravity: &Vector3<f64>) -> JointEvents {
+        let h = self.h;
         let model = &own.model;
         let joints: Range<usize> = own.drives().start..own.drives().start + model.joint_count();
         let State { q_next, v_next, tau_next, .. } = state;

@@ -142,6 +142,23 @@ impl Motions {
         self.colliders[index].speed[0]
     }
 
+    /// The longest way of a collider since `start` \[m\], and the highest speed now \[m/s\].
+    pub(super) fn most_since(&self, start: &[[f64; 2]]) -> (f64, f64) {
+        let mut most = (0.0_f64, 0.0_f64);
+        for (motion, start) in self.colliders.iter().zip(start) {
+            most.0 = most.0.max(motion.way[0] - start[0]).max(motion.way[1] - start[1]);
+            most.1 = most.1.max(motion.speed[0]).max(motion.speed[1]);
+        }
+        most
+    }
+
+    /// Copies the ways of all colliders, in the world and as seen from their robot's base.
+    pub(super) fn copy_ways(&self, ways: &mut [[f64; 2]]) {
+        for (way, motion) in ways.iter_mut().zip(&self.colliders) {
+            *way = motion.way;
+        }
+    }
+
     /// Sum of the ways of two colliders \[m\] and of their speeds \[m/s\].
     pub(super) fn of_pair(&self, part: usize, first: usize, second: usize) -> (f64, f64) {
         let (first, second) = (&self.colliders[first], &self.colliders[second]);

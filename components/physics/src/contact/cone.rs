@@ -40,6 +40,7 @@ pub(crate) struct ConeSolver {
     pub(super) friction: Vec<f64>,
     /// No impulse moves the point.
     pub(super) immovable: Vec<bool>,
+    answers: Vec<PointAnswer>,
     /// The points that an impulse at each point moves, itself included, ascending, one list after the other.
     coupled: Vec<u32>,
     /// End of the list of each point.
@@ -59,6 +60,7 @@ impl ConeSolver {
             target: vec![0.0; most],
             friction: vec![0.0; most],
             immovable: vec![false; most],
+            answers: vec![PointAnswer::NONE; most],
             coupled: Vec::with_capacity(most * most),
             ends: Vec::with_capacity(most),
             lambda: vec![0.0; rows],
@@ -77,6 +79,11 @@ impl ConeSolver {
         }
         for row in 0..rows {
             self.velocity[row] += dot(&self.delassus[row * rows..][..rows], &self.lambda[..rows]);
+        }
+        for (index, answer) in self.answers.iter_mut().enumerate().take(points) {
+            let at = 3 * index;
+            let entry = |row: usize, column: usize| self.delassus[(at + row) * rows + at + column];
+            *answer = PointAnswer::new(&[0, 1, 2].map(|row| [0, 1, 2].map(|column| entry(row, column))));
         }
         self.find_coupled();
         // Sweeps before the next Newton step; they double whenever one leads astray.
@@ -158,16 +165,15 @@ impl ConeSolver {
         if self.immovable[index] {
             return 0.0;
         }
-        let (rows, at) = (self.rows, 3 * index);
-        let own = [0, 1, 2].map(|row| [0, 1, 2].map(|column| self.delassus[(at + row) * rows + at + column]));
+        let at = 3 * index;
         let old = [self.lambda[at], self.lambda[at + 1], self.lambda[at + 2]];
         let velocity = [self.velocity[at], self.velocity[at + 1], self.velocity[at + 2]];
-        let new = relax_point(&own, &old, &velocity, (self.target[index], self.friction[index]));
+        let new = self.answers[index].relax(&old, &velocity, (self.target[index], self.friction[index]));
         let mut change = 0.0_f64;
         for part in 0..3 {
             let step = new[part] - old[part];
             if step != 0.0 {
-                change = change.max((step * self.delassus[(at + part) * rows + at + part]).abs());
+                change = change.max((step * self.answers[index].diagonal[part]).abs());
                 self.push(at + part, step);
             }
         }
@@ -175,45 +181,83 @@ impl ConeSolver {
     }
 }
 
-/// The impulse of one contact point for fixed impulses at all others: `own` is its block of W, `old` its impulse and
-/// `velocity` its velocity with that impulse.
-#[inline]
-pub(super) fn relax_point(
-    own: &[[f64; 3]; 3],
-    old: &[f64; 3],
-    velocity: &[f64; 3],
-    (target, friction): (f64, f64),
-) -> [f64; 3] {
-    let stiff = own[0][0];
-    let compliance = COMPLIANCE * stiff;
-    let missing = velocity[0] - target + compliance * old[0];
-    let normal = (old[0] - missing / (stiff + compliance)).max(0.0);
-    if normal == 0.0 && *old == [0.0; 3] {
-        return [0.0; 3];
-    }
-    // Slip with the new normal impulse.
-    let step = normal - old[0];
-    let slip = [velocity[1] + own[1][0] * step, velocity[2] + own[2][0] * step];
-    // Along a tangent that the joints hold, one of them may be zero.
-    let soft = COMPLIANCE * own[1][1].max(own[2][2]);
-    let (a, b, c) = (own[1][1] + soft, own[1][2], own[2][2] + soft);
-    let bound = friction * normal;
-    let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
-    let mut tangent = [
-        old[1] - (c * slip[0] - b * slip[1]) / determinant,
-        old[2] - (a * slip[1] - b * slip[0]) / determinant,
-    ];
-    let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
-    if squared(&tangent) > bound * bound {
-        // It slips: a projected step along the slip, whose fixed point opposes it.
+/// The block of W of one contact point, and what follows from it alone: its answer to impulses.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PointAnswer {
+    /// Compliance along the normal, and the inverse of the entry there, compliance included.
+    compliance: f64,
+    inverse: f64,
+    /// Entries between the normal and the tangents.
+    coupling: [f64; 2],
+    /// Inverse of the block of the tangents: its diagonal and the entry beside it.
+    tangents: [f64; 3],
+    /// Inverse of the largest eigenvalue of that block.
+    slip: f64,
+    /// The diagonal.
+    pub(super) diagonal: [f64; 3],
+}
+
+impl PointAnswer {
+    /// Of a point whose impulse is not looked for.
+    pub(super) const NONE: Self = Self {
+        compliance: 0.0,
+        inverse: 0.0,
+        coupling: [0.0; 2],
+        tangents: [0.0; 3],
+        slip: 0.0,
+        diagonal: [0.0; 3],
+    };
+
+    /// Of the block of W of the point itself.
+    pub(super) fn new(own: &[[f64; 3]; 3]) -> Self {
+        let compliance = COMPLIANCE * own[0][0];
+        // Along a tangent that the joints hold, one of them may be zero.
+        let soft = COMPLIANCE * own[1][1].max(own[2][2]);
+        let (a, b, c) = (own[1][1] + soft, own[1][2], own[2][2] + soft);
+        let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
         let stiffest = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
-        tangent = [old[1] - slip[0] / stiffest, old[2] - slip[1] / stiffest];
-        let size = squared(&tangent).sqrt();
-        if size > bound {
-            tangent = tangent.map(|part| part * bound / size);
+        Self {
+            compliance,
+            inverse: 1.0 / (own[0][0] + compliance),
+            coupling: [own[1][0], own[2][0]],
+            tangents: [c / determinant, a / determinant, b / determinant],
+            slip: 1.0 / stiffest,
+            diagonal: [own[0][0], own[1][1], own[2][2]],
         }
     }
-    [normal, tangent[0], tangent[1]]
+
+    /// The impulse for fixed impulses at all other points: `old` is the impulse now, and `velocity` the velocity with it.
+    #[inline]
+    pub(super) fn relax(
+        &self,
+        old: &[f64; 3],
+        velocity: &[f64; 3],
+        (target, friction): (f64, f64),
+    ) -> [f64; 3] {
+        let missing = velocity[0] - target + self.compliance * old[0];
+        let normal = (old[0] - missing * self.inverse).max(0.0);
+        if normal == 0.0 {
+            return [0.0; 3];
+        }
+        // Slip with the new normal impulse.
+        let step = normal - old[0];
+        let slip = [velocity[1] + self.coupling[0] * step, velocity[2] + self.coupling[1] * step];
+        let bound = friction * normal;
+        let [first, second, beside] = self.tangents;
+        let mut tangent =
+            [old[1] - (first * slip[0] - beside * slip[1]), old[2] - (second * slip[1] - beside * slip[0])];
+        let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
+        if squared(&tangent) > bound * bound {
+            // It slips: a projected step along the slip, whose fixed point opposes it.
+            tangent = [old[1] - slip[0] * self.slip, old[2] - slip[1] * self.slip];
+            let size = squared(&tangent);
+            if size > bound * bound {
+                let share = bound / size.sqrt();
+                tangent = tangent.map(|part| part * share);
+            }
+        }
+        [normal, tangent[0], tangent[1]]
+    }
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -1,13 +1,13 @@
 //! Contact generation: the points where colliders touch, or soon may.
 
-use std::cell::Cell;
-
 use motorium_robots::{Collisions, ConvexShape, Kinematics};
-use nalgebra::{Isometry3, IsometryMatrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::bounds::{self, Motions};
 use super::colliders::{Collider, Colliders, Owner};
-use super::features::{ContactGeometry, Feature};
+use super::features::ContactGeometry;
+use super::narrow;
+use super::near_pairs::NearPairs;
 use super::objects::FreeBody;
 use super::terrain;
 
@@ -33,28 +33,37 @@ pub(crate) struct ContactPoint {
     pub(crate) speed: f64,
     pub(crate) friction: f64,
     pub(crate) restitution: f64,
+    /// Length of the integration step in which its impulse acts \[s\].
+    pub(crate) h: f64,
+    /// Neither side moves: the point, and its force, are those of an earlier integration step.
+    pub(crate) kept: bool,
 }
 
+/// Two colliders that may touch.
 #[derive(Clone, Copy, Debug)]
-struct Pair {
+pub(super) struct Pair {
     /// Index in the pairs of the collision model.
-    index: usize,
-    first: usize,
-    second: usize,
+    pub(super) index: usize,
+    pub(super) first: usize,
+    pub(super) second: usize,
     /// Origins farther apart than this are not near one another \[m\]; infinite for a half-space.
-    reach: f64,
-    half_space: bool,
+    pub(super) reach: f64,
+    pub(super) half_space: bool,
     /// Which part of the motions counts.
-    part: usize,
+    pub(super) part: usize,
     /// The pair needs no measurement until the ways of both have come this near \[m\].
-    until: f64,
+    pub(super) until: f64,
 }
 
-/// The nearest points of a pair are a contact point of their own when they are nearer than all features by this \[m\].
-const MISSED: f64 = 1e-4;
-
-/// Number of the nearest points among the features of a pair.
-const NEAREST: u32 = u32::MAX >> 1;
+/// The part of the step that a collider takes in the next integration step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Motion {
+    Moves,
+    /// It is part of the world, or asleep.
+    Rests,
+    /// Its step is over.
+    Done,
+}
 
 /// Margin within which contact points are found at least \[m\].
 const FORESIGHT: f64 = 0.002;
@@ -62,20 +71,24 @@ const FORESIGHT: f64 = 0.002;
 /// Share of the way at the present speed that is added to it.
 const HASTE: f64 = 1.5;
 
-/// Beyond its margin a distance is measured up to this \[m\], so that it need not be again for a while.
-const AHEAD: f64 = 0.05;
+/// Length of the integration step of a contact point until it takes part in one \[s\]: any but zero, by which no force divides.
+pub(super) const UNKNOWN: f64 = 1.0;
 
 /// Error of a measured distance \[m\].
-const ROUNDING: f64 = 1e-6;
+pub(super) const ROUNDING: f64 = 1e-6;
 
 /// A workspace that finds contact points. Nothing allocates after [`new`](Self::new).
 ///
-/// The points of a pair are the [features](ContactGeometry::features) of each collider near the surface of the other.
-/// If these miss the contact, as between edges that cross or on a hull, the nearest points of the two are used. Pairs
-/// that cannot have come near since they were measured last are passed over ([`Motions`]).
+/// The points of a pair are those of [`narrow`]. Pairs that cannot have come near since they were measured last are
+/// passed over ([`Motions`]), most of them without a look at each ([`NearPairs`]).
 pub(crate) struct Detector {
     pairs: Vec<Pair>,
+    near: NearPairs,
     points: Vec<ContactPoint>,
+    /// Those of the last detection.
+    earlier: Vec<ContactPoint>,
+    /// Per collider.
+    moving: Vec<Motion>,
     /// Largest number of contact points.
     most: usize,
     distances: Collisions,
@@ -88,6 +101,7 @@ pub(crate) struct Detector {
 #[derive(Clone, Debug)]
 pub(crate) struct DetectorState {
     until: Vec<f64>,
+    near: NearPairs,
     motions: Motions,
     hints: Vec<[f64; 3]>,
     points: Vec<ContactPoint>,
@@ -115,9 +129,25 @@ impl Detector {
         }
         let objects = colliders.iter().filter(|collider| matches!(collider.owner, Owner::Object(_))).count();
         let most = MOST + MOST_EACH * objects;
-        let points = Vec::with_capacity(most);
+        let (points, earlier) = (Vec::with_capacity(most), Vec::with_capacity(most));
         let solids = model.solid_count();
-        Self { pairs, points, most, distances, motions: Motions::new(colliders), solids }
+        let moves = |collider: &Collider| match collider.owner {
+            Owner::World => Motion::Rests,
+            _ => Motion::Moves,
+        };
+        let moving = colliders.iter().map(moves).collect();
+        let near = NearPairs::new(pairs.len(), colliders.len());
+        Self {
+            pairs,
+            near,
+            points,
+            earlier,
+            moving,
+            most,
+            distances,
+            motions: Motions::new(colliders),
+            solids,
+        }
     }
 
     /// Largest number of contact points.
@@ -125,14 +155,32 @@ impl Detector {
         self.most
     }
 
+    /// Sets the part of the step that each collider takes in the next integration step.
+    pub(crate) fn set_moving(&mut self, colliders: &[Collider], of: impl Fn(Owner) -> Motion) {
+        for (moving, collider) in self.moving.iter_mut().zip(colliders) {
+            *moving = of(collider.owner);
+        }
+    }
+
+    /// The points found last, to be completed.
+    pub(crate) fn points_mut(&mut self) -> &mut [ContactPoint] {
+        &mut self.points
+    }
+
     /// The points found last.
     pub(crate) fn points(&self) -> &[ContactPoint] {
         &self.points
     }
 
+    /// True where there may be more contact points than fit.
+    pub(crate) fn is_full(&self) -> bool {
+        self.points.len() == self.most
+    }
+
     /// Forgets the last step.
     pub(crate) fn forget(&mut self) {
         self.points.clear();
+        self.near.forget();
         self.distances.forget();
         self.motions.forget();
         self.pairs.iter_mut().for_each(|pair| pair.until = f64::NEG_INFINITY);
@@ -142,6 +190,7 @@ impl Detector {
     pub(crate) fn save(&self) -> DetectorState {
         DetectorState {
             until: self.pairs.iter().map(|pair| pair.until).collect(),
+            near: self.near.clone(),
             motions: self.motions.clone(),
             hints: self.distances.hints(),
             points: self.points.clone(),
@@ -158,6 +207,7 @@ impl Detector {
         for (pair, until) in self.pairs.iter_mut().zip(&state.until) {
             pair.until = *until;
         }
+        self.near.clone_from(&state.near);
         self.motions = state.motions.clone();
         self.distances.set_hints(&state.hints);
         self.points.clone_from(&state.points);
@@ -169,6 +219,7 @@ impl Detector {
             return;
         }
         self.distances.set_pose(collider, &pose);
+        self.near.forget();
         // The world stands still, but for this: its way is not followed.
         for pair in self.pairs.iter_mut().filter(|pair| [pair.first, pair.second].contains(&collider)) {
             pair.until = f64::NEG_INFINITY;
@@ -213,43 +264,32 @@ impl Detector {
         terrain::clearance(colliders, articulation, &self.distances)
     }
 
-    /// Finds all contact points closer than `least` \[m\], and those that may touch within `h` \[s\].
+    /// Finds all contact points closer than `least` \[m\], and those that may touch within `h` \[s\]. Between colliders that do
+    /// not move in this integration step they are those found last.
     pub(crate) fn detect(&mut self, all: &Colliders, h: f64, least: f64) -> &[ContactPoint] {
-        let Colliders { colliders, model, .. } = all;
-        let Self { pairs, points, most, distances, motions, .. } = self;
+        let Self { pairs, near, points, earlier, moving, most, distances, motions, .. } = self;
+        core::mem::swap(points, earlier);
         points.clear();
-        for (index, pair) in pairs.iter_mut().enumerate() {
+        near.update(pairs, distances, motions, (h, least));
+        let moves = |index: usize| moving[index] == Motion::Moves;
+        let done = |index: usize| moving[index] == Motion::Done;
+        for &index in near.list() {
+            let pair = &mut pairs[index as usize];
+            if !(moves(pair.first) || moves(pair.second)) || done(pair.first) || done(pair.second) {
+                continue;
+            }
             let (way, speed) = motions.of_pair(pair.part, pair.first, pair.second);
             let margin = margin(h, speed).max(least);
             if pair.until - way > margin {
                 continue;
             }
-            if !pair.half_space {
-                let gap = distances.position(pair.first) - distances.position(pair.second);
-                let gap = gap.norm() - pair.reach;
-                if gap > margin + AHEAD {
-                    pair.until = gap + way - ROUNDING;
-                    continue;
-                }
-            }
-            let Some(nearest) = distances.distance_within(model, pair.index, margin + AHEAD) else {
-                pair.until = margin + AHEAD + way - ROUNDING;
-                continue;
-            };
-            pair.until = nearest.distance + way - ROUNDING;
-            if nearest.distance > margin {
-                continue;
-            }
-            let (a, b) = (&distances.pose(pair.first), &distances.pose(pair.second));
-            let (first, second) = (&colliders[pair.first], &colliders[pair.second]);
+            let (first, second) = (&all.colliders[pair.first], &all.colliders[pair.second]);
             let friction = 0.5 * (first.friction + second.friction);
             let restitution = 0.5 * (first.restitution + second.restitution);
-            let least = Cell::new(margin);
             let mut found = |swapped: bool, feature: u32, point, normal, distance| {
-                least.set(least.get().min(distance));
                 let colliders = if swapped { (pair.second, pair.first) } else { (pair.first, pair.second) };
                 let owners = if swapped { (second.owner, first.owner) } else { (first.owner, second.owner) };
-                let key = (index as u64) << 32 | u64::from(swapped) << 31 | u64::from(feature);
+                let key = u64::from(index) << 32 | u64::from(swapped) << 31 | u64::from(feature);
                 keep(
                     (points, *most),
                     ContactPoint {
@@ -262,59 +302,33 @@ impl Detector {
                         speed,
                         friction,
                         restitution,
+                        h: UNKNOWN,
+                        kept: false,
                     },
                 );
             };
-            // A sphere has one feature, which finds all there is.
-            let round = |collider: &Collider| matches!(collider.shape, ConvexShape::Sphere { .. });
-            if !round(second) || round(first) {
-                search((first, a), (second, b), margin, |f, p, n, d| found(false, f, p, n, d));
-            }
-            if !round(first) {
-                search((second, b), (first, a), margin, |f, p, n, d| found(true, f, p, n, d));
-            }
-            if !pair.half_space && nearest.distance < least.get() - MISSED {
-                let [p, q] = nearest.points;
-                let point = nalgebra::center(&p, &q);
-                found(false, NEAREST, point, -nearest.normal.into_inner(), nearest.distance);
-            }
+            pair.until = narrow::measure(&all.model, pair, [first, second], distances, margin, &mut found)
+                + way
+                - ROUNDING;
         }
         let near = |speed| margin(h, speed).max(least);
-        terrain::detect(all, distances, motions, near, &mut |point| keep((points, *most), point));
+        terrain::detect((all, moving), distances, motions, near, &mut |point| keep((points, *most), point));
+        for point in earlier.iter().filter(|point| !moves(point.colliders.0) && !moves(point.colliders.1)) {
+            keep((points, *most), ContactPoint { kept: true, ..*point });
+        }
         &self.points
     }
 
     /// Drops the points that cannot touch within `h` \[s\].
     pub(crate) fn keep_for(&mut self, h: f64) -> &[ContactPoint] {
-        self.points.retain(|point| point.distance < margin(h, point.speed));
+        self.points.retain(|point| point.kept || point.distance < margin(h, point.speed));
         &self.points
     }
 }
 
 /// The distance within which surfaces that move at `speed` \[m/s\] may touch in a step of `h` \[s\].
-fn margin(h: f64, speed: f64) -> f64 {
+pub(super) fn margin(h: f64, speed: f64) -> f64 {
     FORESIGHT + HASTE * h * speed
-}
-
-/// The features of `from` that are near the surface of `onto`.
-fn search(
-    (from, from_pose): (&Collider, &IsometryMatrix3<f64>),
-    (onto, onto_pose): (&Collider, &IsometryMatrix3<f64>),
-    margin: f64,
-    mut found: impl FnMut(u32, Point3<f64>, Vector3<f64>, f64),
-) {
-    let relative = onto_pose.inv_mul(from_pose);
-    let Some((_, away)) = onto.shape.surface(&relative.translation.vector) else { return };
-    let towards = relative.rotation.inverse_transform_vector(&-away);
-    from.shape.features(&towards, &mut |Feature { index, point, radius }| {
-        let place = relative * Point3::from(point);
-        let Some((height, normal)) = onto.shape.surface_towards(&place.coords, &away) else { return };
-        let distance = height - radius;
-        if distance < margin {
-            let middle = place - normal * (radius + 0.5 * distance);
-            found(index, onto_pose * middle, onto_pose * normal, distance);
-        }
-    });
 }
 
 /// Adds a contact point; where there is no room it takes the place of the shallowest.

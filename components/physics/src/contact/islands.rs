@@ -51,18 +51,19 @@ impl Islands {
         self.ends.clear();
         for bodies in points {
             let body = bodies[0].or(bodies[1]);
-            let island = match body.map(|body| self.root(body)) {
-                // Between parts that do not move: an island of its own.
-                None => self.begin(),
-                Some(root) => {
-                    if self.label[root] == NONE {
-                        self.label[root] = self.begin();
-                    }
-                    self.label[root]
+            // A point between parts that do not move is of no island.
+            let island = body.map_or(NONE, |body| {
+                let root = self.root(body);
+                if self.label[root] == NONE {
+                    self.label[root] = self.ends.len() as u32;
+                    self.ends.push(0);
                 }
-            };
+                self.label[root]
+            });
             self.of_point.push(island);
-            self.ends[island as usize] += 1;
+            if island != NONE {
+                self.ends[island as usize] += 1;
+            }
         }
         // From counts to places.
         let mut place = 0;
@@ -70,17 +71,12 @@ impl Islands {
             (*end, place) = (place, place + *end);
         }
         self.order.clear();
-        self.order.resize(self.of_point.len(), 0);
-        for (point, island) in self.of_point.iter().enumerate() {
+        self.order.resize(place as usize, 0);
+        for (point, island) in self.of_point.iter().enumerate().filter(|(_, island)| **island != NONE) {
             let place = &mut self.ends[*island as usize];
             self.order[*place as usize] = point as u32;
             *place += 1;
         }
-    }
-
-    fn begin(&mut self) -> u32 {
-        self.ends.push(0);
-        self.ends.len() as u32 - 1
     }
 
     fn root(&mut self, body: usize) -> usize {
@@ -91,6 +87,12 @@ impl Islands {
             body = grand as usize;
         }
         body
+    }
+
+    /// Island of a contact point; `None` between parts that do not move.
+    pub(super) fn island(&self, point: usize) -> Option<usize> {
+        let island = self.of_point[point];
+        (island != NONE).then_some(island as usize)
     }
 
     /// Number of islands.
@@ -140,7 +142,7 @@ mod tests {
             [None, None],
         ];
         let (mut islands, lists) = islands(6, &points);
-        assert_eq!(lists, [vec![0, 1, 2, 4], vec![3], vec![5]]);
+        assert_eq!(lists, [vec![0, 1, 2, 4], vec![3]]);
         assert_eq!([0, 3, 4, 5].map(|body| islands.of_body(body)), [Some(0), Some(0), Some(1), None]);
     }
 

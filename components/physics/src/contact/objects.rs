@@ -15,7 +15,17 @@ pub(crate) struct FreeBody {
     pub(crate) mass: f64,
     /// Principal moments of inertia, along its own axes \[kg m2\].
     inertia: Vector3<f64>,
+    /// Time for which it has hardly moved \[s\].
+    still: f64,
+    /// It stands still and is left out of every computation until something wakes it.
+    pub(crate) asleep: bool,
 }
+
+/// A body that moves no faster than this \[m/s, rad/s\] hardly moves.
+const STILL: (f64, f64) = (1e-4, 1e-3);
+
+/// Bodies that have hardly moved for this time may sleep \[s\].
+const DROWSY: f64 = 0.5;
 
 impl FreeBody {
     /// Inverse of its inertia, in world axes \[1/(kg m2)\].
@@ -26,6 +36,27 @@ impl FreeBody {
             column /= *inertia;
         }
         scaled * rotation.transpose()
+    }
+
+    /// Counts the time for which it has hardly moved, `h` \[s\] more.
+    fn count_rest(&mut self, h: f64) {
+        let moves =
+            self.linear.norm_squared() > STILL.0 * STILL.0 || self.angular.norm_squared() > STILL.1 * STILL.1;
+        self.still = if moves { 0.0 } else { self.still + h };
+    }
+
+    /// True where it has hardly moved for long enough.
+    pub(crate) fn is_drowsy(&self) -> bool {
+        self.still >= DROWSY
+    }
+
+    /// Stops it and leaves it out of every computation.
+    pub(crate) fn sleep(&mut self) {
+        (self.linear, self.angular, self.asleep) = (Vector3::zeros(), Vector3::zeros(), true);
+    }
+
+    pub(crate) fn wake(&mut self) {
+        (self.still, self.asleep) = (0.0, false);
     }
 
     /// Places it at rest.
@@ -63,6 +94,8 @@ pub(crate) struct Objects {
     pub(crate) next: Vec<FreeBody>,
     /// The next state before it fell.
     pub(crate) before: Vec<FreeBody>,
+    /// Gravity of the last step \[m/s2\]; NaN before the first.
+    pub(crate) gravity: Vector3<f64>,
     /// Per object of the world: its index among those that move.
     pub(crate) movable: Vec<Option<usize>>,
 }
@@ -74,12 +107,14 @@ impl Objects {
             object.mass.map(|mass| {
                 let inertia = object.shape.principal_inertia(mass);
                 let (linear, angular) = (Vector3::zeros(), Vector3::zeros());
-                now.push(FreeBody { pose: object.pose(), linear, angular, mass, inertia });
+                let (pose, still, asleep) = (object.pose(), 0.0, false);
+                now.push(FreeBody { pose, linear, angular, mass, inertia, still, asleep });
                 now.len() - 1
             })
         });
         let movable = movable.collect();
-        Self { next: now.clone(), before: now.clone(), now, movable }
+        let gravity = Vector3::repeat(f64::NAN);
+        Self { next: now.clone(), before: now.clone(), now, gravity, movable }
     }
 
     pub(crate) fn begin(&mut self) {
@@ -95,14 +130,37 @@ impl Objects {
         self.before.copy_from_slice(&self.next);
     }
 
-    /// Velocities of the next state after `h` of free fall.
-    pub(crate) fn fall(&mut self, gravity: &Vector3<f64>, h: f64) {
-        self.next.iter_mut().for_each(|body| body.fall(gravity, h));
+    /// Velocities of the next state after free fall for the time of each \[s\].
+    pub(crate) fn fall(&mut self, gravity: &Vector3<f64>, lengths: &[f64]) {
+        for (body, h) in self.next.iter_mut().zip(lengths).filter(|(body, h)| !body.asleep && **h > 0.0) {
+            body.fall(gravity, *h);
+        }
+    }
+
+    /// True where this one of the next state sleeps; false for none.
+    pub(crate) fn is_asleep(&self, index: Option<usize>) -> bool {
+        index.is_some_and(|index| self.next[index].asleep)
+    }
+
+    /// Wakes all where gravity is another than in the last step.
+    pub(crate) fn feel(&mut self, gravity: &Vector3<f64>) {
+        if self.gravity != *gravity {
+            self.next.iter_mut().for_each(FreeBody::wake);
+        }
+        self.gravity = *gravity;
+    }
+
+    /// Wakes all.
+    pub(crate) fn wake(&mut self) {
+        self.now.iter_mut().for_each(FreeBody::wake);
     }
 
     /// Poses of the next state, after its velocities.
-    pub(crate) fn move_on(&mut self, h: f64) {
-        self.next.iter_mut().for_each(|body| body.move_on(h));
+    pub(crate) fn move_on(&mut self, lengths: &[f64]) {
+        for (body, h) in self.next.iter_mut().zip(lengths).filter(|(body, h)| !body.asleep && **h > 0.0) {
+            body.move_on(*h);
+            body.count_rest(*h);
+        }
     }
 
     /// The first object of the world whose next state is not finite or out of all bounds.

@@ -4,9 +4,10 @@ use motorium_robots::{Kinematics, Terrain, TerrainError};
 use nalgebra::{Isometry3, Vector3};
 
 use super::colliders::{Collider, Colliders, Owner};
-use super::detect::{ContactPoint, Detector, DetectorState};
-use super::impulses::Impulses;
+use super::detect::{ContactPoint, Detector, DetectorState, Motion};
+use super::impulses::{Impulses, Known};
 use super::objects::{FreeBody, Objects};
+use super::sums::ImpulseSums;
 use crate::robot::{Articulation, Robot};
 use crate::{Surface, World};
 
@@ -16,24 +17,44 @@ pub(crate) struct ContactScene {
     detector: Detector,
     pub(crate) impulses: Impulses,
     pub(crate) objects: Objects,
+    /// Number of articulations.
+    articulations: usize,
+    /// Length of the next integration step of each articulation and each object that moves \[s\]; zero where its step is
+    /// over.
+    lengths: Vec<f64>,
+    /// Those near a contact, which take the steps of contacts.
+    near: Vec<bool>,
+    /// Objects at rest may sleep.
+    sleeping: bool,
 }
+
+/// Closer than this to a contact, contacts decide the length of the integration steps \[m\].
+const NEAR: f64 = 0.010;
 
 /// The state of a [`ContactScene`] that later steps depend on.
 #[derive(Clone, Debug)]
 pub(crate) struct SceneState {
     detector: DetectorState,
-    impulses: Vec<(u64, [f64; 3])>,
+    impulses: Vec<Known>,
     objects: Vec<FreeBody>,
+    /// Gravity of the last integration step \[m/s2\].
+    gravity: Vector3<f64>,
     /// Of the objects that do not move.
     placements: Vec<Isometry3<f64>>,
 }
 
 impl ContactScene {
     /// A scene of these colliders; `world` gives the objects.
-    pub(crate) fn new(robot: &Robot, colliders: Colliders, world: &World) -> Self {
+    pub(crate) fn new(robot: &Robot, colliders: Colliders, world: &World, sleeping: bool) -> Self {
         let detector = Detector::new(&colliders);
         let objects = Objects::new(world);
+        let articulations = robot.articulations.len();
+        let bodies = articulations + objects.now.len();
         Self {
+            articulations,
+            lengths: vec![0.0; bodies],
+            near: vec![false; bodies],
+            sleeping,
             impulses: Impulses::new(&robot.articulations, objects.now.len(), detector.capacity()),
             objects,
             colliders,
@@ -72,20 +93,69 @@ impl ContactScene {
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
-    /// Sets up the impulses at the contact points for a step of `h` \[s\]: the objects of the next state fall, the
+    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and what is so near to one that it takes the
+    /// integration steps of contacts. Returns the larger number of integration steps of those there are, `far` from
+    /// contacts or near.
+    pub(crate) fn begin(&mut self, dt: f64, gravity: &Vector3<f64>, [far, near]: [usize; 2]) -> usize {
+        self.objects.feel(gravity);
+        self.lengths.fill(dt);
+        self.set_moving();
+        self.detector.detect(&self.colliders, dt, NEAR);
+        self.impulses.sort(self.detector.points());
+        self.impulses.find_near(self.detector.points(), NEAR, &mut self.near);
+        let asleep = |body: usize| self.objects.is_asleep(body.checked_sub(self.articulations));
+        let awake = (0..self.near.len()).filter(|body| !asleep(*body));
+        awake.map(|body| if self.near[body] { near } else { far }).max().unwrap_or(far)
+    }
+
+    /// Sets the lengths of the integration step with this number, the first being 0.
+    pub(crate) fn set_lengths(&mut self, step: usize, dt: f64, [far, near]: [usize; 2]) {
+        for (body, length) in self.lengths.iter_mut().enumerate() {
+            // What wakes does so among things that move.
+            let asleep = self.objects.is_asleep(body.checked_sub(self.articulations));
+            let steps = if self.near[body] || asleep { near } else { far };
+            *length = if step < steps { dt / steps as f64 } else { 0.0 };
+        }
+        self.set_moving();
+    }
+
+    /// Length of the next integration step of an articulation \[s\]; zero where its step is over.
+    pub(crate) fn length(&self, articulation: usize) -> f64 {
+        self.lengths[articulation]
+    }
+
+    /// Length of the longest of the next integration steps \[s\].
+    pub(crate) fn longest(&self) -> f64 {
+        self.lengths.iter().fold(0.0, |most, length| most.max(*length))
+    }
+
+    fn set_moving(&mut self) {
+        let Self { detector, colliders, objects, lengths, articulations, .. } = self;
+        let of = |body: usize| if lengths[body] > 0.0 { Motion::Moves } else { Motion::Done };
+        detector.set_moving(&colliders.colliders, |owner| match owner {
+            Owner::World => Motion::Rests,
+            Owner::Base(articulation) | Owner::Body(articulation, _) => of(articulation),
+            Owner::Object(object) if objects.next[object].asleep => Motion::Rests,
+            Owner::Object(object) => of(*articulations + object),
+        });
+    }
+
+    /// Sets up the impulses at the contact points for an integration step: the objects of the next state fall, the
     /// articulations move with `v`.
     pub(crate) fn prepare<'a>(
         &mut self,
         articulations: &[Articulation],
         kinematics: impl Fn(usize) -> &'a Kinematics,
         v: &[f64],
-        (gravity, h): (&Vector3<f64>, f64),
+        gravity: &Vector3<f64>,
     ) {
-        let Self { detector, impulses, objects, .. } = self;
-        let points = detector.keep_for(h);
+        let h = self.longest();
+        let Self { detector, impulses, objects, lengths, .. } = self;
+        detector.keep_for(h);
+        impulses.wake(detector.points_mut(), &mut objects.next, lengths);
         // Poses do not change yet: only the velocities fall.
         objects.before_fall();
-        objects.fall(gravity, h);
+        objects.fall(gravity, &lengths[articulations.len()..]);
         let slopes = |owner: Owner, point: &ContactPoint, axes: &[_; 3], sign: f64, columns: &mut [_]| {
             let (of, body) = match owner {
                 Owner::Base(of) => (of, None),
@@ -95,7 +165,31 @@ impl ContactScene {
             let model = articulations[of].model();
             kinematics(of).add_point_jacobian(model, body, &point.point, (axes, sign), columns);
         };
-        impulses.prepare(points, h, v, (&objects.before, &objects.next), slopes);
+        impulses.prepare(detector.points(), v, (&objects.before, &objects.next), slopes);
+    }
+
+    /// Adds the impulses of this integration step to `sums`; those on what sleeps, once in a step of `dt` \[s\], in the first.
+    pub(crate) fn add_impulses(&self, first: bool, dt: f64, sums: &mut ImpulseSums) {
+        for (index, point, ..) in self.points() {
+            let share = match point.kept {
+                false => 1.0,
+                true if first => dt / point.h,
+                true => continue,
+            };
+            let (one, two) = point.colliders;
+            sums.add([one, two], &point.point, &(self.impulses.vector(index, &point.normal) * share));
+        }
+    }
+
+    /// Ends an integration step: the objects move by their velocities with the impulses. Those of an island in which
+    /// nothing has moved for half a second sleep.
+    pub(crate) fn finish(&mut self) {
+        let Self { detector, impulses, objects, lengths, articulations, .. } = self;
+        impulses.push_objects(&mut objects.next);
+        objects.move_on(&lengths[*articulations..]);
+        if self.sleeping && !detector.is_full() {
+            impulses.put_to_sleep(&mut objects.next);
+        }
     }
 
     /// Height of the lowest point of an articulation, as it was placed last \[m\]; infinite without colliders.
@@ -120,6 +214,7 @@ impl ContactScene {
             detector: self.detector.save(),
             impulses: self.impulses.save(),
             objects: self.objects.now.clone(),
+            gravity: self.objects.gravity,
             placements: self.placements().collect(),
         }
     }
@@ -135,6 +230,7 @@ impl ContactScene {
     pub(crate) fn restore(&mut self, state: &SceneState) {
         self.objects.now.clone_from(&state.objects);
         self.objects.begin();
+        self.objects.gravity = state.gravity;
         for (collider, placement) in (self.colliders.first_object..).zip(&state.placements) {
             self.colliders.colliders[collider].placement = *placement;
             self.detector.set_pose(collider, *placement);
@@ -168,6 +264,8 @@ impl ContactScene {
 
     /// Places object `index` of the world, at rest.
     pub(crate) fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
+        // It may have been what others rest on.
+        self.objects.wake();
         match self.objects.movable[index] {
             Some(movable) => self.objects.now[movable].stop_at(*pose),
             None => {
@@ -211,11 +309,16 @@ impl ContactScene {
         })
     }
 
-    /// Sum of the forces on the robots in a step of `h` \[s\], world axes \[N\].
-    pub(crate) fn force_on_robot(&self, h: f64) -> Vector3<f64> {
+    /// Force at the contact point of this index on the first of its two colliders, world axes \[N\].
+    pub(crate) fn force(&self, index: usize, point: &ContactPoint) -> Vector3<f64> {
+        self.impulses.vector(index, &point.normal) / point.h
+    }
+
+    /// Sum of the forces on the robots in the last integration step, world axes \[N\].
+    pub(crate) fn force_on_robot(&self) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
         for (index, point, ..) in self.points() {
-            let force = self.impulses.vector(index, &point.normal) / h;
+            let force = self.force(index, point);
             match (point.owners.0.is_robot(), point.owners.1.is_robot()) {
                 (true, false) => sum += force,
                 (false, true) => sum -= force,

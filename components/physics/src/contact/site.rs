@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::colliders::Owner;
+use super::cone::PointAnswer;
 use super::detect::ContactPoint;
 use super::objects::FreeBody;
 
@@ -24,8 +25,8 @@ pub(super) struct Site {
     pub(super) friction: f64,
     /// No impulse moves the point.
     pub(super) immovable: bool,
-    /// Its block of W.
-    pub(super) own: [[f64; 3]; 3],
+    /// Its answer to impulses, in an island that is solved body by body.
+    pub(super) answer: PointAnswer,
 }
 
 /// The part of the world on one side of a contact point.
@@ -48,6 +49,11 @@ pub(super) struct Mobility {
     /// Velocity of its centre \[m/s\] and angular velocity \[rad/s\], with the impulses as they are.
     pub(super) linear: Vector3<f64>,
     pub(super) angular: Vector3<f64>,
+    /// Both before a sweep, and their parts of the direction of the extrapolation.
+    pub(super) before: [Vector3<f64>; 2],
+    pub(super) along: [Vector3<f64>; 2],
+    /// It has been listed among the objects of its island.
+    pub(super) listed: bool,
 }
 
 /// Row of the Jacobian over the velocity of a free object, and the same times the inverse of its inertia.
@@ -66,6 +72,9 @@ impl Mobility {
             inverse_inertia: body.inverse_inertia(),
             linear: body.linear,
             angular: body.angular,
+            before: [Vector3::zeros(); 2],
+            along: [Vector3::zeros(); 2],
+            listed: false,
         }
     }
 
@@ -84,6 +93,20 @@ impl Mobility {
 }
 
 impl Site {
+    /// A point between parts that do not move.
+    pub(super) const KEPT: Self = Self {
+        axes: [Vector3::new(0.0, 0.0, 0.0); 3],
+        sides: [Side::World; 2],
+        falling: [0.0; 3],
+        free: [0.0; 3],
+        target: 0.0,
+        overlapping: false,
+        recovery: 0.0,
+        friction: 0.0,
+        immovable: true,
+        answer: PointAnswer::NONE,
+    };
+
     /// The point between moving bodies at their poses in `bodies`. Velocities and targets follow.
     pub(super) fn new(point: &ContactPoint, bodies: &[FreeBody]) -> Self {
         let side = |owner: Owner| match owner {
@@ -96,14 +119,9 @@ impl Site {
         Self {
             axes: axes(&point.normal),
             sides: [side(point.owners.0), side(point.owners.1)],
-            falling: [0.0; 3],
-            free: [0.0; 3],
-            target: 0.0,
-            overlapping: false,
-            recovery: 0.0,
             friction: point.friction,
             immovable: false,
-            own: [[0.0; 3]; 3],
+            ..Self::KEPT
         }
     }
 

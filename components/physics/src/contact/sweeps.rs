@@ -2,14 +2,15 @@
 
 use core::ops::Range;
 
-use super::cone::relax_point;
+use nalgebra::Vector3;
+
 use super::site::{Mobility, Side, Site};
 
 /// Largest number of sweeps.
-const SWEEPS: usize = 200;
+const SWEEPS: usize = 50;
 
 /// Change of a velocity \[m/s\] in a sweep below which the sweeps end.
-const SETTLED: f64 = 1e-8;
+const SETTLED: f64 = 1e-6;
 
 /// Half solutions of the contact points on articulations.
 #[derive(Clone, Copy)]
@@ -33,6 +34,32 @@ impl Reduced<'_> {
     }
 }
 
+/// Room for the extrapolation between sweeps.
+#[derive(Clone, Debug)]
+pub(super) struct Room {
+    /// Change of each impulse in a sweep, and the direction of the extrapolation.
+    change: Vec<f64>,
+    direction: Vec<f64>,
+    /// `sum` before the sweep, and its part of the direction.
+    before: Vec<f64>,
+    along: Vec<f64>,
+    /// The objects of the island.
+    objects: Vec<u32>,
+}
+
+impl Room {
+    /// For up to so many contact points, `n` velocities of articulations, and so many objects.
+    pub(super) fn new(points: usize, n: usize, objects: usize) -> Self {
+        Self {
+            change: vec![0.0; 3 * points],
+            direction: vec![0.0; 3 * points],
+            before: vec![0.0; n],
+            along: vec![0.0; n],
+            objects: Vec::with_capacity(objects),
+        }
+    }
+}
+
 /// A large island.
 ///
 /// The velocities of free objects and, of articulations, half a solution `sum` for all impulses are kept up to date, so
@@ -43,6 +70,7 @@ pub(super) struct Island<'a, P: Fn(usize) -> usize> {
     pub(super) bodies: &'a mut [Mobility],
     pub(super) reduced: Reduced<'a>,
     pub(super) sum: &'a mut [f64],
+    pub(super) room: &'a mut Room,
     /// Places of its points, and the point at a place.
     pub(super) places: Range<usize>,
     pub(super) point: P,
@@ -52,47 +80,108 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
     /// Finds the impulses, from those they are now. The velocities of its objects are those without impulses; `sum` is
     /// zero.
     pub(super) fn solve(&mut self) {
+        self.room.objects.clear();
         for place in self.places.clone() {
             let index = (self.point)(place);
+            for side in self.sites[index].sides {
+                if let Side::Object(object, _) = side
+                    && !core::mem::replace(&mut self.bodies[object].listed, true)
+                {
+                    self.room.objects.push(object as u32);
+                }
+            }
             if self.sites[index].immovable {
                 self.lambda[3 * index..][..3].fill(0.0);
             }
             let warm = [0, 1, 2].map(|part| self.lambda[3 * index + part]);
             self.push(index, &warm);
         }
+        self.sweep_until_settled();
+        for object in &self.room.objects {
+            self.bodies[*object as usize].listed = false;
+        }
+    }
+
+    /// Sweeps, between which the impulses are extrapolated along the conjugate of their last changes, as in the nonlinear
+    /// conjugate gradient method of Silcowitz and others (2010). Every extrapolation is followed by a sweep, so that the
+    /// impulses are in their cones at the end.
+    fn sweep_until_settled(&mut self) {
+        let mut before = f64::INFINITY;
         for sweep in 0..SWEEPS {
-            let mut change = 0.0_f64;
+            self.begin_sweep();
+            let (mut change, mut squared) = (0.0_f64, 0.0);
             for step in 0..self.places.len() {
                 // To and fro, so that impulses run through a pile both ways.
                 let place =
                     if sweep % 2 == 0 { self.places.start + step } else { self.places.end - 1 - step };
-                change = change.max(self.relax((self.point)(place)));
+                let index = (self.point)(place);
+                let moved = self.relax(index);
+                self.room.change[3 * index..][..3].copy_from_slice(&moved);
+                if moved == [0.0; 3] {
+                    continue;
+                }
+                for (moved, diagonal) in moved.iter().zip(&self.sites[index].answer.diagonal) {
+                    change = change.max((moved * diagonal).abs());
+                    // Weighed by the mobility, so that light and heavy bodies count alike.
+                    squared += moved * moved * diagonal;
+                }
             }
-            if change < SETTLED {
-                break;
+            if change < SETTLED || sweep + 1 == SWEEPS {
+                return;
             }
+            let share = squared / before;
+            before = squared;
+            // Changes that grow show that the direction led astray.
+            self.extrapolate(if share < 1.0 { share } else { 0.0 });
         }
     }
 
-    /// Velocity of a contact point along its axes.
+    /// Keeps the velocities before a sweep.
+    fn begin_sweep(&mut self) {
+        let Self { room, bodies, sum, .. } = self;
+        for object in &room.objects {
+            let body = &mut bodies[*object as usize];
+            body.before = [body.linear, body.angular];
+        }
+        room.before.copy_from_slice(sum);
+    }
+
+    /// Goes on along `share` of the last direction, and adds the last change to it. Velocities are linear in the impulses:
+    /// they go along their own parts of the direction.
+    fn extrapolate(&mut self, share: f64) {
+        let Self { room, bodies, sum, lambda, places, point, .. } = self;
+        let last = |direction: f64| if share > 0.0 { share * direction } else { 0.0 };
+        for index in places.clone().map(&*point) {
+            for at in 3 * index..3 * index + 3 {
+                let step = last(room.direction[at]);
+                room.direction[at] = step + room.change[at];
+                lambda[at] += step;
+            }
+        }
+        for object in &room.objects {
+            let body = &mut bodies[*object as usize];
+            let Mobility { linear, angular, before, along, .. } = body;
+            for ((velocity, before), along) in [linear, angular].into_iter().zip(before).zip(along) {
+                let step = along.map(last);
+                *along = step + (*velocity - *before);
+                *velocity += step;
+            }
+        }
+        for ((sum, before), along) in sum.iter_mut().zip(&room.before).zip(&mut room.along) {
+            let step = last(*along);
+            *along = step + (*sum - before);
+            *sum += step;
+        }
+    }
+
+    /// Velocity of the surfaces at a contact point that the objects' motion gives, world axes.
     #[inline]
-    fn velocity(&self, index: usize) -> [f64; 3] {
-        let site = &self.sites[index];
-        let mut velocity = site.free;
-        for (side, sign) in site.sides.iter().zip([1.0, -1.0]) {
-            if let Side::Object(object, arm) = side {
-                let moved = self.bodies[*object].velocity_at(arm) * sign;
-                for (velocity, axis) in velocity.iter_mut().zip(&site.axes) {
-                    *velocity += axis.dot(&moved);
-                }
-            }
-        }
-        for (k, row) in self.reduced.of(index) {
-            for (velocity, entry) in velocity.iter_mut().zip(row) {
-                *velocity += entry * self.sum[k];
-            }
-        }
-        velocity
+    fn relative(&self, site: &Site) -> Vector3<f64> {
+        let of = |side: &Side| match side {
+            Side::Object(object, arm) => self.bodies[*object].velocity_at(arm),
+            _ => Vector3::zeros(),
+        };
+        of(&site.sides[0]) - of(&site.sides[1])
     }
 
     /// Takes in an impulse at a contact point.
@@ -110,22 +199,34 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         }
     }
 
-    /// Solves one contact point for fixed impulses at the others. Returns the largest change of its velocity.
+    /// Solves one contact point for fixed impulses at the others. Returns the change of its impulse.
     #[inline]
-    fn relax(&mut self, index: usize) -> f64 {
+    fn relax(&mut self, index: usize) -> [f64; 3] {
         let site = &self.sites[index];
         if site.immovable {
-            return 0.0;
+            return [0.0; 3];
         }
         let old = [0, 1, 2].map(|part| self.lambda[3 * index + part]);
-        let new = relax_point(&site.own, &old, &self.velocity(index), (site.target, site.friction));
-        let step = [0, 1, 2].map(|part| new[part] - old[part]);
-        if step == [0.0; 3] {
-            return 0.0;
+        let relative = self.relative(site);
+        let mut velocity = site.free;
+        for (k, row) in self.reduced.of(index) {
+            for (velocity, entry) in velocity.iter_mut().zip(row) {
+                *velocity += entry * self.sum[k];
+            }
         }
-        let change = (0..3).fold(0.0_f64, |most, part| most.max((step[part] * site.own[part][part]).abs()));
-        self.lambda[3 * index..][..3].copy_from_slice(&new);
-        self.push(index, &step);
-        change
+        velocity[0] += site.axes[0].dot(&relative);
+        // Most of the points that may touch within the step do not.
+        if old == [0.0; 3] && velocity[0] >= site.target {
+            return [0.0; 3];
+        }
+        velocity[1] += site.axes[1].dot(&relative);
+        velocity[2] += site.axes[2].dot(&relative);
+        let new = site.answer.relax(&old, &velocity, (site.target, site.friction));
+        let step = [0, 1, 2].map(|part| new[part] - old[part]);
+        if step != [0.0; 3] {
+            self.lambda[3 * index..][..3].copy_from_slice(&new);
+            self.push(index, &step);
+        }
+        step
     }
 }

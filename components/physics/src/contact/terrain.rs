@@ -8,8 +8,8 @@ use motorium_robots::{Collisions, ConvexShape, HeightField};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
 
 use super::bounds::Motions;
-use super::colliders::{Collider, Colliders, Owner};
-use super::detect::ContactPoint;
+use super::colliders::{Collider, Colliders};
+use super::detect::{ContactPoint, Motion, UNKNOWN};
 use super::features::{ContactGeometry, Feature};
 
 /// Points of one round feature: more faces do not meet under a sphere that is no greater than the stones.
@@ -36,7 +36,7 @@ struct Touch {
 /// Passes the contact points of all colliders that move with the terrain to `found`; `margin` \[m\] is that of a speed
 /// \[m/s\].
 pub(super) fn detect(
-    all: &Colliders,
+    (all, moving): (&Colliders, &[Motion]),
     distances: &Collisions,
     motions: &Motions,
     margin: impl Fn(f64) -> f64,
@@ -45,7 +45,7 @@ pub(super) fn detect(
     let Some(field) = &all.terrain else { return };
     let terrain = all.colliders.len() - 1;
     for (index, collider) in all.colliders[..terrain].iter().enumerate() {
-        if collider.owner == Owner::World {
+        if moving[index] != Motion::Moves {
             continue;
         }
         let pose = distances.pose(index);
@@ -67,6 +67,8 @@ pub(super) fn detect(
                 speed,
                 friction: 0.5 * (a.friction + b.friction),
                 restitution: 0.5 * (a.restitution + b.restitution),
+                h: UNKNOWN,
+                kept: false,
             }
         };
         collider.shape.features(&towards(&pose), &mut |feature| {

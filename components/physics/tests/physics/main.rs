@@ -28,6 +28,7 @@ mod robots_of_others;
 mod several_articulations;
 mod several_robots;
 mod shaped_terrain;
+mod sleeping;
 mod standing;
 mod surfaces;
 mod terrain;

@@ -2,6 +2,7 @@
 
 use core::ops::Range;
 
+use super::super::cone::PointAnswer;
 use super::super::site::{ObjectRow, Side};
 use super::super::sweeps::{Island, Reduced};
 use super::{IMMOVABLE, Impulses, inverse};
@@ -43,8 +44,9 @@ impl Impulses {
         self.sum.fill(0.0);
         for place in places.clone() {
             let index = self.islands.point(place);
-            self.own_block(index);
-            self.aim(index, self.sites[index].own[0][0]);
+            let own = self.own_block(index);
+            self.aim(index, own[0][0]);
+            self.sites[index].answer = PointAnswer::new(&own);
             let site = &mut self.sites[index];
             // That of the objects is in their own velocities.
             for (free, falling) in site.free.iter_mut().zip(site.falling) {
@@ -57,10 +59,10 @@ impl Impulses {
                 }
             }
         }
-        let Self { n, sites, lambda, bodies, reduced, support, supported, sum, islands, .. } = self;
+        let Self { n, sites, lambda, bodies, reduced, support, supported, sum, islands, room, .. } = self;
         let reduced = Reduced { n: *n, rows: reduced, support, supported };
         let point = |place: usize| islands.point(place);
-        Island { sites, lambda, bodies, reduced, sum, places, point }.solve();
+        Island { sites, lambda, bodies, reduced, sum, room, places, point }.solve();
     }
 
     /// Adapts the target of a contact point to its mobility along the normal \[1/kg\].
@@ -76,7 +78,7 @@ impl Impulses {
     }
 
     /// The block of W of a contact point itself.
-    fn own_block(&mut self, index: usize) {
+    fn own_block(&self, index: usize) -> [[f64; 3]; 3] {
         let mut own = [[0.0; 3]; 3];
         let site = &self.sites[index];
         for side in site.sides {
@@ -100,7 +102,7 @@ impl Impulses {
                 }
             }
         }
-        self.sites[index].own = own;
+        own
     }
 
     /// The block of W between two contact points; each has its place in the rows over the objects.

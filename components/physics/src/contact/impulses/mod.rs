@@ -1,6 +1,8 @@
 //! The impulses at all contact points of a step, found together.
 
 mod assembly;
+mod sleeping;
+mod warm;
 
 use core::ops::Range;
 
@@ -13,7 +15,9 @@ use super::detect::ContactPoint;
 use super::islands::Islands;
 use super::objects::FreeBody;
 use super::site::{Mobility, ObjectRow, Side, Site, axes};
+use super::sweeps::Room;
 use crate::robot::Articulation;
+pub(crate) use warm::Known;
 
 /// Overlap decays at this rate \[1/s\].
 const RECOVERY_RATE: f64 = 50.0;
@@ -25,8 +29,10 @@ const FASTEST_RECOVERY: f64 = 0.5;
 /// mass. Below it the joints hold the point, which needs no impulse.
 const IMMOVABLE: f64 = 1e-9;
 
-/// Most contact points of an island whose Delassus matrix is formed.
+/// Most contact points of an island whose Delassus matrix is formed: with a robot, whose joints couple all of its points, and of
+/// free objects alone, which couple few.
 const DENSE: usize = 60;
+const DENSE_FREE: usize = 12;
 
 /// Contact impulses of one step over the Delassus matrix `W = J A^-1 J'`.
 ///
@@ -71,12 +77,15 @@ pub(crate) struct Impulses {
     /// Half the solution for all impulses (nv).
     sum: Vec<f64>,
     pub(super) lambda: Vec<f64>,
+    room: Room,
     islands: Islands,
     /// Islands that are to be solved.
     pending: Vec<bool>,
     cone: ConeSolver,
-    keys: Vec<u64>,
-    last: Vec<(u64, [f64; 3])>,
+    /// Keys of the contact points, and the lengths of their integration steps \[s\].
+    keys: Vec<(u64, f64)>,
+    /// The impulses of the last integration step.
+    last: Vec<Known>,
 }
 
 /// An articulation as the impulses move it.
@@ -116,6 +125,7 @@ impl Impulses {
             masses: Vec::new(),
             sum: vec![0.0; n],
             lambda: vec![0.0; 3 * most],
+            room: Room::new(most, n, objects),
             islands: Islands::new(articulations.len() + objects, most),
             pending: Vec::with_capacity(most),
             cone: ConeSolver::new(most.min(DENSE)),
@@ -139,20 +149,6 @@ impl Impulses {
         self.last.clear();
     }
 
-    /// The impulses of the last step by the keys of their contact points: what the next begins with.
-    pub(crate) fn save(&self) -> Vec<(u64, [f64; 3])> {
-        self.keys.iter().enumerate().map(|(index, key)| (*key, self.of(index))).collect()
-    }
-
-    /// Goes back to saved impulses.
-    pub(crate) fn restore(&mut self, impulses: &[(u64, [f64; 3])]) {
-        self.forget();
-        for (index, (key, impulse)) in impulses.iter().enumerate() {
-            self.keys.push(*key);
-            self.lambda[3 * index..][..3].copy_from_slice(impulse);
-        }
-    }
-
     fn of(&self, index: usize) -> [f64; 3] {
         [0, 1, 2].map(|part| self.lambda[3 * index + part])
     }
@@ -168,21 +164,20 @@ impl Impulses {
         (0..3).map(|part| axes[part] * self.lambda[3 * index + part]).sum()
     }
 
-    /// Sets up the contact points of a step of `h` \[s\]. `slopes(owner, point, axes, sign, columns)` adds to `columns`
+    /// Sets up the contact points of a step. `slopes(owner, point, axes, sign, columns)` adds to `columns`
     /// (nv of an articulation) `sign` times the Jacobian of the velocities along the three axes of its part there; `v`
     /// (nv) are the articulations' velocities now, `before` and `falling` the objects' now and after falling for the step.
     pub(crate) fn prepare(
         &mut self,
         points: &[ContactPoint],
-        h: f64,
         v: &[f64],
         (before, falling): (&[FreeBody], &[FreeBody]),
         slopes: impl Fn(Owner, &ContactPoint, &[Vector3<f64>; 3], f64, &mut [[f64; 4]]),
     ) {
-        self.last.clear();
-        for (index, key) in self.keys.iter().enumerate() {
-            self.last.push((*key, [0, 1, 2].map(|part| self.lambda[3 * index + part])));
-        }
+        let mut last = core::mem::take(&mut self.last);
+        last.clear();
+        last.extend(self.known());
+        self.last = last;
         self.keys.clear();
         self.sites.clear();
         self.falling.clear();
@@ -195,6 +190,15 @@ impl Impulses {
         // Points come in nearly the same order in every step.
         let mut expected = 0;
         for (index, point) in points.iter().enumerate() {
+            let h = point.h;
+            let (warm, place) = self.of_last(point.key, h, expected);
+            expected = place.map_or(expected, |place| (place + 1) % self.last.len());
+            self.keys.push((point.key, h));
+            self.lambda[3 * index..][..3].copy_from_slice(&warm);
+            if point.kept {
+                self.sites.push(Site::KEPT);
+                continue;
+            }
             let mut site = Site::new(point, falling);
             let columns = &mut self.jacobian[index * n..][..n];
             for of in site.articulations() {
@@ -223,24 +227,7 @@ impl Impulses {
                 site.recovery
             };
             self.sites.push(site);
-            self.keys.push(point.key);
-            let (ahead, behind) = self.last.split_at(expected);
-            let found = behind.iter().chain(ahead).position(|(key, _)| *key == point.key);
-            let place = found.map(|place| (expected + place) % self.last.len());
-            let warm = place.map_or([0.0; 3], |place| self.last[place].1);
-            expected = place.map_or(expected, |place| (place + 1) % self.last.len());
-            self.lambda[3 * index..][..3].copy_from_slice(&warm);
         }
-        let articulations = self.parts.len();
-        self.islands.find(self.sites.iter().map(|site| {
-            site.sides.map(|side| match side {
-                Side::World => None,
-                Side::Articulation(of) => Some(of),
-                Side::Object(object, _) => Some(articulations + object),
-            })
-        }));
-        self.pending.clear();
-        self.pending.resize(self.islands.count(), true);
     }
 
     /// Gives the objects the velocities that the impulses lead to.
@@ -283,7 +270,10 @@ impl Impulses {
         for place in places.clone() {
             self.reduce(self.islands.point(place), articulations);
         }
-        if places.len() <= DENSE {
+        let robot = places
+            .clone()
+            .any(|place| self.sites[self.islands.point(place)].articulations().next().is_some());
+        if places.len() <= if robot { DENSE } else { DENSE_FREE } {
             self.solve_dense(places.clone());
         } else {
             self.solve_sparse(places.clone());

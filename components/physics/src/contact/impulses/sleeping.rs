@@ -1,0 +1,100 @@
+//! Islands that sleep, and what wakes them.
+
+use super::super::colliders::Owner;
+use super::super::detect::ContactPoint;
+use super::super::objects::FreeBody;
+use super::super::site::Side;
+use super::Impulses;
+
+impl Impulses {
+    /// Sorts contact points by islands.
+    pub(crate) fn sort(&mut self, points: &[ContactPoint]) {
+        let articulations = self.parts.len();
+        let owners = points.iter().map(|point| bodies_of(point, articulations));
+        self.islands.find(owners);
+    }
+
+    /// Finds the bodies of islands with a contact point nearer than `least` \[m\], as points were sorted last.
+    pub(crate) fn find_near(&mut self, points: &[ContactPoint], least: f64, near: &mut [bool]) {
+        self.pending.clear();
+        self.pending.resize(self.islands.count(), false);
+        for (index, _) in points.iter().enumerate().filter(|(_, point)| point.distance < least) {
+            if let Some(island) = self.islands.island(index) {
+                self.pending[island] = true;
+            }
+        }
+        for (body, near) in near.iter_mut().enumerate() {
+            *near = self.islands.of_body(body).is_some_and(|island| self.pending[island]);
+        }
+    }
+
+    /// Sorts the points of an integration step by islands, and wakes the objects of those in which anything moves. `lengths`
+    /// has the length of the step for each body, zero where it does not move.
+    pub(crate) fn wake(&mut self, points: &mut [ContactPoint], objects: &mut [FreeBody], lengths: &[f64]) {
+        let articulations = self.parts.len();
+        self.sort(points);
+        self.pending.clear();
+        self.pending.resize(self.islands.count(), false);
+        let moves = |body: usize, objects: &[FreeBody]| {
+            let awake = body.checked_sub(articulations).is_none_or(|object| !objects[object].asleep);
+            awake && lengths[body] > 0.0
+        };
+        for point in &*points {
+            for body in bodies_of(point, articulations).into_iter().flatten() {
+                if let (true, Some(island)) = (moves(body, objects), self.islands.of_body(body)) {
+                    self.pending[island] = true;
+                }
+            }
+        }
+        for (object, body) in objects.iter_mut().enumerate().filter(|(_, body)| body.asleep) {
+            let island = self.islands.of_body(articulations + object);
+            // An object that touches nothing any more has nothing to rest on.
+            if island.is_none_or(|island| self.pending[island]) {
+                body.wake();
+            }
+        }
+        for (index, point) in points.iter_mut().enumerate() {
+            if self.islands.island(index).is_some_and(|island| self.pending[island]) {
+                point.kept = false;
+                point.h = bodies_of(point, articulations)
+                    .into_iter()
+                    .flatten()
+                    .fold(0.0, |most, body| lengths[body].max(most));
+            }
+        }
+    }
+
+    /// Lets the objects of islands sleep in which nothing has moved for long enough, and which no robot touches.
+    pub(crate) fn put_to_sleep(&mut self, bodies: &mut [FreeBody]) {
+        for island in 0..self.islands.count() {
+            let places = self.islands.places(island);
+            let calm = places.clone().all(|place| {
+                self.sites[self.islands.point(place)].sides.iter().all(|side| match side {
+                    Side::World => true,
+                    Side::Articulation(_) => false,
+                    Side::Object(object, _) => bodies[*object].is_drowsy(),
+                })
+            });
+            if !calm {
+                continue;
+            }
+            for place in places {
+                for side in self.sites[self.islands.point(place)].sides {
+                    if let Side::Object(object, _) = side {
+                        bodies[object].sleep();
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The one or two bodies that move at a contact point: articulations first, then objects.
+fn bodies_of(point: &ContactPoint, articulations: usize) -> [Option<usize>; 2] {
+    let body = |owner: Owner| match owner {
+        Owner::World => None,
+        Owner::Base(of) | Owner::Body(of, _) => Some(of),
+        Owner::Object(object) => Some(articulations + object),
+    };
+    [body(point.owners.0), body(point.owners.1)]
+}

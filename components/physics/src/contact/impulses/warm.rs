@@ -1,0 +1,46 @@
+//! The impulses of the last step, with which the next begins.
+
+use super::Impulses;
+
+/// The impulse at a contact point: what the same point begins with in the next step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Known {
+    key: u64,
+    impulse: [f64; 3],
+    /// Length of the step in which it acted \[s\].
+    h: f64,
+}
+
+impl Impulses {
+    /// The impulses of the last step by the keys of their contact points: what the next begins with.
+    pub(crate) fn save(&self) -> Vec<Known> {
+        self.known().collect()
+    }
+
+    pub(super) fn known(&self) -> impl Iterator<Item = Known> {
+        let known = |(index, &(key, h)): (usize, &(u64, f64))| Known { key, impulse: self.of(index), h };
+        self.keys.iter().enumerate().map(known)
+    }
+
+    /// Goes back to saved impulses.
+    pub(crate) fn restore(&mut self, impulses: &[Known]) {
+        self.forget();
+        for (index, known) in impulses.iter().enumerate() {
+            self.keys.push((known.key, known.h));
+            self.lambda[3 * index..][..3].copy_from_slice(&known.impulse);
+        }
+    }
+
+    /// The force of the last step at the contact point of this key as an impulse over `h` \[s\], and its place, which is likely
+    /// the `expected` one.
+    pub(super) fn of_last(&self, key: u64, h: f64, expected: usize) -> ([f64; 3], Option<usize>) {
+        let (ahead, behind) = self.last.split_at(expected);
+        let found = behind.iter().chain(ahead).position(|known| known.key == key);
+        let place = found.map(|place| (expected + place) % self.last.len());
+        let impulse = place.map_or([0.0; 3], |place| {
+            let Known { impulse, h: length, .. } = self.last[place];
+            if length == h { impulse } else { impulse.map(|part| part * (h / length)) }
+        });
+        (impulse, place)
+    }
+}

@@ -1,0 +1,107 @@
+//! The contact points of one pair of colliders.
+
+use std::cell::Cell;
+
+use motorium_robots::{CollisionModel, Collisions, ConvexShape};
+use nalgebra::{IsometryMatrix3, Point3, Vector3};
+
+use super::boxes;
+use super::colliders::Collider;
+use super::detect::Pair;
+use super::features::{ContactGeometry, Feature};
+
+/// The nearest points of a pair are a contact point of their own when they are nearer than all features by this \[m\].
+const MISSED: f64 = 1e-4;
+
+/// Number of the nearest points among the features of a pair.
+const NEAREST: u32 = u32::MAX >> 1;
+
+/// Beyond its margin a distance is measured up to this \[m\], so that it need not be again for a while.
+pub(super) const AHEAD: f64 = 0.05;
+
+/// Passes the contact points of a pair nearer than `margin` \[m\] to `found`: true where the first of the two bears the
+/// surface, the number of the feature, the point, the normal and the distance. Returns a lower bound of the distance
+/// of the pair \[m\].
+///
+/// Two boxes touch at the corners of their faces [clipped](boxes) against one another. The points of other pairs are the
+/// [features](ContactGeometry::features) of each collider near the surface of the other. If these miss the contact, as
+/// between edges that cross or on a hull, the nearest points of the two are used.
+pub(super) fn measure(
+    model: &CollisionModel,
+    pair: &Pair,
+    [first, second]: [&Collider; 2],
+    distances: &mut Collisions,
+    margin: f64,
+    found: &mut dyn FnMut(bool, u32, Point3<f64>, Vector3<f64>, f64),
+) -> f64 {
+    if pair.half_space {
+        let (a, b) = (&distances.pose(pair.first), &distances.pose(pair.second));
+        // The features of every shape include the lowest point.
+        let mut least = f64::INFINITY;
+        search((first, a), (second, b), f64::INFINITY, |feature, point, normal, distance| {
+            least = least.min(distance);
+            if distance < margin {
+                found(false, feature, point, normal, distance);
+            }
+        });
+        return least;
+    }
+    let gap = distances.position(pair.first) - distances.position(pair.second);
+    let gap = gap.norm() - pair.reach;
+    if gap > margin + AHEAD {
+        return gap;
+    }
+    if let (ConvexShape::Box { half: one }, ConvexShape::Box { half: two }) = (&first.shape, &second.shape) {
+        let (a, b) = (&distances.pose(pair.first), &distances.pose(pair.second));
+        return boxes::collide((one, a), (two, b), margin, |feature, point, normal, distance| {
+            found(false, feature, point, normal, distance);
+        });
+    }
+    let Some(nearest) = distances.distance_within(model, pair.index, margin + AHEAD) else {
+        return margin + AHEAD;
+    };
+    if nearest.distance > margin {
+        return nearest.distance;
+    }
+    let (a, b) = (&distances.pose(pair.first), &distances.pose(pair.second));
+    let least = Cell::new(margin);
+    let mut found = |swapped: bool, feature: u32, point, normal, distance| {
+        least.set(least.get().min(distance));
+        found(swapped, feature, point, normal, distance);
+    };
+    // A sphere has one feature, which finds all there is.
+    let round = |collider: &Collider| matches!(collider.shape, ConvexShape::Sphere { .. });
+    if !round(second) || round(first) {
+        search((first, a), (second, b), margin, |f, p, n, d| found(false, f, p, n, d));
+    }
+    if !round(first) {
+        search((second, b), (first, a), margin, |f, p, n, d| found(true, f, p, n, d));
+    }
+    if nearest.distance < least.get() - MISSED {
+        let [p, q] = nearest.points;
+        let point = nalgebra::center(&p, &q);
+        found(false, NEAREST, point, -nearest.normal.into_inner(), nearest.distance);
+    }
+    nearest.distance
+}
+
+/// The features of `from` that are near the surface of `onto`.
+fn search(
+    (from, from_pose): (&Collider, &IsometryMatrix3<f64>),
+    (onto, onto_pose): (&Collider, &IsometryMatrix3<f64>),
+    margin: f64,
+    mut found: impl FnMut(u32, Point3<f64>, Vector3<f64>, f64),
+) {
+    let relative = onto_pose.inv_mul(from_pose);
+    let Some((_, away)) = onto.shape.surface(&relative.translation.vector) else { return };
+    let towards = relative.rotation.inverse_transform_vector(&-away);
+    from.shape.features(&towards, &mut |Feature { index, point, radius }| {
+        let place = relative * Point3::from(point);
+        let Some((height, normal)) = onto.shape.surface_towards(&place.coords, &away) else { return };
+        let distance = height - radius;
+        if distance < margin {
+            let middle = place - normal * (radius + 0.5 * distance);
+            found(index, onto_pose * middle, onto_pose * normal, distance);
+        }
+    });
+}

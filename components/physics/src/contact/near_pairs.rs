@@ -1,0 +1,68 @@
+//! The pairs of colliders that may come near one another soon.
+
+use motorium_robots::Collisions;
+
+use super::bounds::Motions;
+use super::detect::{Pair, ROUNDING, margin};
+
+/// Pairs within this of their margin are listed \[m\].
+const SKIN: f64 = 0.08;
+
+/// A list of the pairs that may need a measurement (a Verlet list): it holds until the fastest collider could have brought
+/// any other pair near, so that of many pairs few are looked at in a step.
+#[derive(Clone, Debug)]
+pub(super) struct NearPairs {
+    list: Vec<u32>,
+    /// Ways of the colliders when the list was made.
+    start: Vec<[f64; 2]>,
+    made: bool,
+}
+
+impl NearPairs {
+    /// For so many pairs of colliders.
+    pub(super) fn new(pairs: usize, colliders: usize) -> Self {
+        Self { list: Vec::with_capacity(pairs), start: vec![[0.0; 2]; colliders], made: false }
+    }
+
+    /// Has the list made anew.
+    pub(super) fn forget(&mut self) {
+        self.made = false;
+    }
+
+    /// Indices of the pairs, ascending.
+    pub(super) fn list(&self) -> &[u32] {
+        &self.list
+    }
+
+    /// Makes the list anew if it may have to hold others, for a step of `h` \[s\] and distances up to `least` \[m\].
+    pub(super) fn update(
+        &mut self,
+        pairs: &mut [Pair],
+        distances: &Collisions,
+        motions: &Motions,
+        (h, least): (f64, f64),
+    ) {
+        let (way, speed) = motions.most_since(&self.start);
+        if self.made && 2.0 * way + margin(h, 2.0 * speed).max(least) < SKIN {
+            return;
+        }
+        self.made = true;
+        self.list.clear();
+        motions.copy_ways(&mut self.start);
+        for (index, pair) in pairs.iter_mut().enumerate() {
+            let (way, _) = motions.of_pair(pair.part, pair.first, pair.second);
+            if pair.until - way > SKIN {
+                continue;
+            }
+            if !pair.half_space {
+                let gap = distances.position(pair.first) - distances.position(pair.second);
+                let gap = gap.norm() - pair.reach;
+                if gap > SKIN {
+                    pair.until = pair.until.max(gap + way - ROUNDING);
+                    continue;
+                }
+            }
+            self.list.push(index as u32);
+        }
+    }
+}
