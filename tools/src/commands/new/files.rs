@@ -10,9 +10,6 @@ use crate::registry;
 /// Path of a file in the crate, and its text.
 pub(super) type File = (&'static str, String);
 
-/// The version of `bindgen` that iceoryx2 asks for: a patch of another is not taken.
-const BINDGEN: &str = "0.72.1";
-
 /// The files could not be written.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum WriteError {
@@ -31,7 +28,6 @@ pub(super) fn files(name: &str, sources: Option<&Sources>) -> Vec<File> {
     let fill = |template: &str| {
         template
             .replace("{{name}}", name)
-            .replace("{{bindgen}}", BINDGEN)
             .replace("{{dependency}}", &dependency)
             .replace("{{testing_dependency}}", &testing)
     };
@@ -41,8 +37,6 @@ pub(super) fn files(name: &str, sources: Option<&Sources>) -> Vec<File> {
         ("README.md", fill(include_str!("../../../templates/README.md.in"))),
         ("graph.toml", fill(include_str!("../../../templates/graph.toml.in"))),
         ("graph.schema.json", format!("{:#}\n", schema.as_value())),
-        ("no-bindgen/Cargo.toml", fill(include_str!("../../../templates/no-bindgen.toml.in"))),
-        ("no-bindgen/src/lib.rs", include_str!("../../../templates/no-bindgen.rs").to_string()),
         ("src/main.rs", include_str!("../../../templates/main.rs").to_string()),
         (".gitignore", include_str!("../../../templates/gitignore.in").to_string()),
     ];
@@ -110,16 +104,6 @@ mod tests {
             "{manifest}"
         );
         assert!(made.iter().all(|(name, _)| *name != "Cargo.lock"));
-    }
-
-    #[test]
-    fn the_empty_bindgen_has_the_version_that_iceoryx2_asks_for() {
-        let lock = Sources::find().and_then(|sources| sources.lock()).unwrap();
-        assert!(lock.contains(&format!("name = \"bindgen\"\nversion = \"{BINDGEN}\"")), "{BINDGEN}");
-        let made = files("my-controller", None);
-        let text = |path: &str| &made.iter().find(|(name, _)| *name == path).unwrap().1;
-        assert!(text("no-bindgen/Cargo.toml").contains(&format!("version = \"{BINDGEN}\"")));
-        assert!(text("Cargo.toml").contains("bindgen = { path = \"no-bindgen\" }"));
     }
 
     #[test]
