@@ -26,6 +26,7 @@ mod pushes;
 mod randomise;
 mod robots_of_others;
 mod several_articulations;
+mod several_articulations_graph;
 mod several_robots;
 mod shaped_terrain;
 mod sleeping;

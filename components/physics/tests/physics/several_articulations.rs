@@ -1,11 +1,8 @@
 //! Several robots of which some float, in one simulation: each moves as if it were alone until they touch, and then they
 //! push one another as bodies do.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use motorium::graph;
-use motorium::launcher::{Exit, Options as RunOptions, Report};
-use motorium::session::run;
 use motorium_physics::{
     ArticulatedSimulator, BuildError, Engine, Ground, JointCommand, MujocoSimulator, Object, ObjectShape,
     Options, RapierSimulator, RobotSetup, Simulation, Simulator, StepError, World,
@@ -13,7 +10,6 @@ use motorium_physics::{
 use motorium_robots::load;
 use nalgebra::{Point3, Vector3};
 
-use crate::component::registry;
 use crate::engines::has_mujoco;
 use crate::legged::{body, grounded};
 
@@ -306,103 +302,4 @@ fn what_cannot_be_one_simulation_is_refused() {
     let arms = ["one/", "two/"].map(|prefix| RobotSetup::from(arm.prefixed(prefix)));
     let rapier = RapierSimulator::of_robots(arms, World::default(), &[0.0, 0.0], Options::default());
     assert_eq!(rapier.err(), Some(BuildError::SeveralArticulations));
-}
-
-fn graph_text(kind: &str) -> String {
-    let driver = |name: &str, offset: f64| {
-        format!(
-            r#"
-[component.{name}-driver]
-kind = "test.driver"
-trigger = "{name}/joint_state"
-subscribe = {{ state = "{name}/joint_state" }}
-publish = {{ command = "{name}/joint_command" }}
-config = {{ offset = {offset}, until = 100000, stiffness = 60.0 }}
-"#
-        )
-    };
-    let port = |port: &str| {
-        let one = |name: &str| format!(r#""{name}.{port}" = "{name}/{port}""#);
-        ["one", "arm", "two"].map(one).join(", ")
-    };
-    format!(
-        r#"
-name = "several-articulations"
-clock = "lockstep"
-
-[world]
-ground = {{ friction = 0.8 }}
-
-[robot.one]
-urdf = "quadruped"
-
-[robot.arm]
-urdf = "panda"
-base = {{ position = [1.5, 0.0, 0.0] }}
-
-[robot.two]
-urdf = "quadruped"
-base = {{ position = [3.0, 0.0, 0.26] }}
-
-[component.physics]
-kind = "{kind}"
-robots = ["one", "arm", "two"]
-rate = "1 kHz"
-subscribe = {{ {} }}
-publish = {{ {}, "two.base_state" = "two/base_state", "one.contacts" = "one/contacts" }}
-{}{}{}
-[safety]
-stale_after = "5 ms"
-safe_state = "hold"
-"#,
-        port("joint_command"),
-        port("joint_state"),
-        driver("one", 0.0),
-        driver("arm", 0.05),
-        driver("two", 0.0)
-    )
-}
-
-fn check(text: String) -> Result<graph::Checked, graph::GraphError> {
-    let path = PathBuf::from("several-articulations.toml");
-    graph::check(&path, text, &[], &registry(), &graph::Machine::detect())
-}
-
-fn run_graph(kind: &str) -> Report {
-    let mut plan = check(graph_text(kind)).unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
-    plan.duration_ns = Some(1_000_000_000);
-    run(plan, &registry(), &RunOptions::threads(), &mut |_| ()).unwrap()
-}
-
-#[test]
-fn a_graph_of_two_quadrupeds_and_an_arm_runs_without_allocating() {
-    for kind in ["physics.articulated"].into_iter().chain(has_mujoco().then_some("physics.mujoco")) {
-        let report = run_graph(kind);
-        assert_eq!(report.exit, Exit::Finished, "{report:?}");
-        let physics = report.components.iter().find(|component| component.name == "physics").unwrap();
-        assert_eq!(physics.allocations, Some(0), "{kind}");
-        let robots = &report.results["physics"]["robots"];
-        for (name, x) in [("one", 0.0), ("two", 3.0)] {
-            let position = &robots[name]["base_position"];
-            let (found, height) = (position[0].as_f64().unwrap(), position[2].as_f64().unwrap());
-            assert!((found - x).abs() < 0.05 && (0.1..0.3).contains(&height), "{kind}: {name} at {position}");
-            assert!(robots[name]["base_height_lowest_m"].as_f64().unwrap() > 0.1, "{robots}");
-            assert_eq!(robots[name]["joints"].as_array().unwrap().len(), 12);
-        }
-        assert!(robots["arm"]["base_position"].is_null(), "{robots}");
-    }
-}
-
-#[test]
-fn a_graph_that_needs_a_floating_base_tells_what_rapier_lacks() {
-    let error = check(graph_text("physics.rapier")).expect_err("rapier has no floating bases");
-    let text = error.render(false);
-    assert!(text.contains("floating base") && text.contains("physics.articulated"), "{text}");
-    let drawn = graph_text("physics.articulated").replacen(
-        "rate = \"1 kHz\"",
-        "rate = \"1 kHz\"\nconfig = { randomise = { gravity = [0.9, 1.1] } }",
-        1,
-    );
-    let text = check(drawn).expect_err("draws for several").render(false);
-    assert!(text.contains("randomise"), "{text}");
 }
