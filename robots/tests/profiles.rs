@@ -3,7 +3,10 @@
 use std::path::Path;
 
 use approx::assert_relative_eq;
-use motorium_robots::{BaseMode, LoadOptions, Profile, ProfileError, Steering, catalogue, load, load_with};
+use motorium_robots::{
+    BaseMode, Kinematics, LoadOptions, Profile, ProfileError, Steering, TaskRows, catalogue, draft_profile, load,
+    load_with,
+};
 
 fn profile(name: &str) -> Profile {
     catalogue().iter().find(|entry| entry.name == name).unwrap().profile.clone()
@@ -106,4 +109,25 @@ fn facts_of_bases_and_rotors_are_there() {
     let burger = profile("differential-drive").mobile_base.unwrap();
     assert_eq!((burger.wheel_radius, burger.track), (Some(0.033), Some(0.16)));
     assert_eq!(profile("quadrotor").rotors.len(), 4);
+}
+
+/// At zero a `ur5e` is straight in its elbow and turned flat in its wrist: no joint alone leaves that posture.
+#[test]
+fn the_first_home_of_an_arm_moves_its_tool_in_all_directions() {
+    for name in ["ur5e", "panda", "iiwa14"] {
+        let arm = load(name, Path::new(".")).unwrap();
+        let mut kinematics = Kinematics::new(&arm.model);
+        let tool = arm.end_effector(None).unwrap();
+        let mut measure = |q: &[f64]| {
+            kinematics.update(&arm.model, q);
+            kinematics.manipulability(&arm.model, tool, TaskRows::POSE)
+        };
+        let text = draft_profile(&arm);
+        let drafted = measure(Profile::parse(&text).unwrap().home(&arm.model).unwrap().as_slice());
+        let makers = measure(arm.profile.as_ref().unwrap().home(&arm.model).unwrap().as_slice());
+        assert!(drafted > 0.3 * makers, "{name}: {drafted}, {makers} at its maker's");
+        assert!(text.contains("inside the limits, and away from singular postures."), "{text}");
+    }
+    let wheels = load("differential-drive", Path::new(".")).unwrap();
+    assert!(draft_profile(&wheels).contains("inside the limits.\n"), "it has no arm that could be bent");
 }

@@ -41,7 +41,7 @@ const WIDTH: usize = 100;
 /// ```
 pub fn draft_profile(robot: &Loaded) -> String {
     let model = &robot.model;
-    let home = draft_home(model);
+    let (home, moves_freely) = draft_home(model);
     let mut text = head(robot);
     let joints = model.joint_names();
     text += &strings("joints", joints);
@@ -54,7 +54,8 @@ pub fn draft_profile(robot: &Loaded) -> String {
         text += "# Joints whose effort limit is 0 in the file: they have no drive. Mend the file if they have one.\n";
         text += &strings("passive", &passive);
     }
-    text += "\n[poses]\n# Where the robot starts and rests, rad or m: inside the limits, and away from singular postures.\n";
+    let singular = if moves_freely { ", and away from singular postures" } else { "" };
+    let _ = writeln!(text, "\n[poses]\n# Where the robot starts and rests, rad or m: inside the limits{singular}.");
     text += &numbers("home", home.iter().copied());
     for posture in robot.postures.iter().filter(|posture| posture.name != "home") {
         text += &numbers(&key(&posture.name), posture.joints.iter().copied());

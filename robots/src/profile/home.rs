@@ -16,14 +16,16 @@ const TRIED: [f64; 4] = [
 ];
 /// A posture this much better than another is worth one more joint that is bent.
 const WORTH: f64 = 1.2;
+/// The manipulability up to which a posture is singular: rounding.
+const SINGULAR: f64 = 1e-9;
 /// The most joints that are bent.
 const MOST_BENT: usize = 4;
 
 /// A home posture: all joints at zero, or at the middle of their range where zero is near its end or outside. The joints of
-/// an arm are bent as far as it takes to leave singular postures behind.
-pub(super) fn draft_home(model: &Model) -> DVector<f64> {
+/// an arm are bent as far as it takes to leave singular postures behind. True with it where that succeeded.
+pub(super) fn draft_home(model: &Model) -> (DVector<f64>, bool) {
     let mut home = DVector::from_fn(model.joint_count(), |index, _| neutral(model, index));
-    let Some(tip) = model.tip().filter(|_| !model.base().floating) else { return home };
+    let Some(tip) = model.tip().filter(|_| !model.base().floating) else { return (home, false) };
     let (joints, _) = tip_joints(model, tip);
     let turning: Vec<usize> = joints
         .iter()
@@ -31,33 +33,59 @@ pub(super) fn draft_home(model: &Model) -> DVector<f64> {
         .filter(|&index| model.joint(index).kind != JointKind::Prismatic)
         .collect();
     let rows = match joints.len() {
-        0..3 => return home,
+        0..3 => return (home, false),
         3..6 => TaskRows::POSITION,
         _ => TaskRows::POSE,
     };
     let mut check = Check::new(model, tip, rows);
     let mut best = check.measure(model, &home);
-    for _ in 0..MOST_BENT {
-        let mut better: Option<(f64, usize, f64)> = None;
-        for &index in &turning {
-            for angle in TRIED {
-                let position = neutral(model, index) + angle;
-                if !inside(model, index, position) || home[index] != neutral(model, index) {
-                    continue;
-                }
-                let mut tried = home.clone();
-                tried[index] = position;
-                let measure = check.measure(model, &tried);
-                let least = better.map_or(WORTH * best + 1e-9, |(measure, ..)| 1.001 * measure);
-                if measure > least {
-                    better = Some((measure, index, position));
-                }
-            }
+    let mut bent = 0;
+    while bent < MOST_BENT {
+        let bends: Vec<(usize, f64)> = turning
+            .iter()
+            .filter(|&&index| home[index] == neutral(model, index))
+            .flat_map(|&index| TRIED.map(|angle| (index, neutral(model, index) + angle)))
+            .filter(|&(index, position)| inside(model, index, position))
+            .collect();
+        let singles = bends.iter().map(std::slice::from_ref);
+        let mut found = best_of(&mut check, model, &home, best, singles);
+        if found.is_none() && best <= SINGULAR {
+            // Straight in the elbow and in the wrist at once: no joint alone leaves such a posture.
+            let pairs: Vec<[(usize, f64); 2]> = bends
+                .iter()
+                .enumerate()
+                .flat_map(|(k, one)| bends[k + 1..].iter().map(|other| [*one, *other]))
+                .filter(|[one, other]| one.0 != other.0)
+                .collect();
+            found = best_of(&mut check, model, &home, best, pairs.iter().map(<[_; 2]>::as_slice));
         }
-        let Some((measure, index, position)) = better else { break };
-        (best, home[index]) = (measure, position);
+        let Some((measure, chosen)) = found else { break };
+        best = measure;
+        bent += chosen.len();
+        chosen.into_iter().for_each(|(index, position)| home[index] = position);
     }
-    home
+    (home, best > SINGULAR)
+}
+
+/// The bends that make the posture best, with its measure, if that is worth it.
+fn best_of<'a>(
+    check: &mut Check,
+    model: &Model,
+    home: &DVector<f64>,
+    best: f64,
+    all: impl Iterator<Item = &'a [(usize, f64)]>,
+) -> Option<(f64, Vec<(usize, f64)>)> {
+    let mut better: Option<(f64, Vec<(usize, f64)>)> = None;
+    for bends in all {
+        let mut tried = home.clone();
+        bends.iter().for_each(|&(index, position)| tried[index] = position);
+        let measure = check.measure(model, &tried);
+        let least = better.as_ref().map_or(WORTH * best + SINGULAR, |(measure, _)| 1.001 * measure);
+        if measure > least {
+            better = Some((measure, bends.to_vec()));
+        }
+    }
+    better
 }
 
 /// Joints that move the tip, from the base on, and those beyond it: of its fingers.
