@@ -4,8 +4,8 @@ use std::path::Path;
 
 use approx::assert_relative_eq;
 use motorium_robots::{
-    BaseMode, Kinematics, LoadOptions, Profile, ProfileError, Steering, TaskRows, catalogue, draft_profile, load,
-    load_with,
+    BaseMode, Kinematics, LoadOptions, Profile, ProfileError, Steering, TaskRows, catalogue, draft_profile,
+    load, load_with,
 };
 
 fn profile(name: &str) -> Profile {

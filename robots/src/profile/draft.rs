@@ -55,7 +55,10 @@ pub fn draft_profile(robot: &Loaded) -> String {
         text += &strings("passive", &passive);
     }
     let singular = if moves_freely { ", and away from singular postures" } else { "" };
-    let _ = writeln!(text, "\n[poses]\n# Where the robot starts and rests, rad or m: inside the limits{singular}.");
+    let _ = writeln!(
+        text,
+        "\n[poses]\n# Where the robot starts and rests, rad or m: inside the limits{singular}."
+    );
     text += &numbers("home", home.iter().copied());
     for posture in robot.postures.iter().filter(|posture| posture.name != "home") {
         text += &numbers(&key(&posture.name), posture.joints.iter().copied());
