@@ -15,15 +15,14 @@ use crate::{exit, registry, report, style};
 
 /// Publish a recording once more, or run its graph again and compare every sample.
 ///
-/// Each component publishes what the recording has of it, at the times of the recording; those that `--live` names run
-/// themselves, on what the others have published. Topics can be looked at as in any run. Episodes follow one another as they were
-/// recorded.
+/// Each component publishes what was recorded of it, at the recorded times; those that `--live` names run themselves. Episodes
+/// follow one another as they were recorded.
 ///
 /// A robot that runs itself and follows recorded joint commands is led to the first of them within half of the limits of its
 /// joints, and to rest behind the last. Then it goes to its safe state.
 ///
-/// `--verify` runs the graph of a recording in lockstep again, from its seed, and compares all that it publishes to the last
-/// bit: the exit code is 1 at a difference, which is printed with its topic, time and field.
+/// `--verify` runs the graph in lockstep again, from its seed, and compares all that it publishes to the last bit: exit code 1
+/// at a difference, which is printed with its topic, time and field.
 ///
 /// Example: motorium replay out/a.mcap --verify
 #[derive(Debug, clap::Args)]
@@ -52,10 +51,10 @@ pub(crate) struct Replay {
     /// Run in real time, with the cores, priorities and budgets of the graph, as a robot of real drives needs it
     #[arg(long, conflicts_with_all = ["speed", "paused", "verify"])]
     realtime: bool,
-    /// Where a robot that runs itself follows recorded joint commands: time in which it comes to their first pose; `"0 s"` for none
+    /// Time in which a robot that runs itself comes to the first recorded pose; `"0 s"` for none
     #[arg(long, value_name = "TIME", default_value = "3 s", conflicts_with = "verify")]
     ease_in: TimeSpan,
-    /// And time in which it comes to rest behind the last command
+    /// Time in which it comes to rest behind the last command
     #[arg(long, value_name = "TIME", default_value = "500 ms", conflicts_with = "verify")]
     ramp_down: TimeSpan,
     /// Print the report as JSON on standard output
