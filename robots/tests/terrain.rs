@@ -179,6 +179,14 @@ fn a_terrain_that_cannot_be_made_is_refused_with_the_key_at_fault() {
         ),
         ("layers = [{ gaps = { width = 0.5, every = 0.2, depth = 0.1 } }]", "a length above `width`"),
         ("friction = -1.0\nlayers = []", "`friction` is -1"),
+        (
+            "size = [9e3, 9e3]\nspacing = 10.0\nlayers = [{ stones = { height = 0.1, size = 0.2, per_square_metre = 1e5 } }]",
+            "`layers[0].stones.per_square_metre` is 100000",
+        ),
+        (
+            "layers = [{ stones = { height = 0.1, size = 1e3, per_square_metre = 4.0 } }]",
+            "expected fewer or smaller stones",
+        ),
     ] {
         let error = terrain(text).height_field().unwrap_err().to_string();
         assert!(error.contains(expected), "{text}: {error}");

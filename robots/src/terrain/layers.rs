@@ -210,11 +210,25 @@ impl TerrainLayer {
                 positive("stones.size", size)?;
                 let many = (0.0..=1e5).contains(&per_square_metre);
                 check("stones.per_square_metre", per_square_metre, many, "a number from 0 to 1e5")?;
+                let few = heights_of_stones(grid, size, per_square_metre) <= MOST_OF_STONES;
+                let expected = "fewer or smaller stones: in all they may cover ten million heights";
+                check("stones.per_square_metre", per_square_metre, few, expected)?;
                 stones(grid, (height, size, per_square_metre), seed, heights);
             }
         }
         Ok(())
     }
+}
+
+/// Heights that stones may cover in all, those that lie beneath several counted for each: what bounds the time it takes.
+const MOST_OF_STONES: f64 = 1e7;
+
+/// Heights that the stones of a layer cover at most, those beneath several counted for each.
+fn heights_of_stones((_, spacing, count): Grid, size: f64, per_square_metre: f64) -> f64 {
+    let stones: f64 =
+        count.iter().map(|count| spacing * (count - 1) as f64).product::<f64>() * per_square_metre;
+    let each: f64 = count.iter().map(|count| (size / spacing + 3.0).min(*count as f64)).product();
+    stones * each
 }
 
 /// Adds caps of paraboloids at random places; of two that overlap the higher counts.
