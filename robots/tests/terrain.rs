@@ -179,8 +179,10 @@ fn a_terrain_that_cannot_be_made_is_refused_with_the_key_at_fault() {
         ),
         ("layers = [{ gaps = { width = 0.5, every = 0.2, depth = 0.1 } }]", "a length above `width`"),
         ("friction = -1.0\nlayers = []", "`friction` is -1"),
+        ("spacing = 1e-300\nlayers = []", "at least 1e-4"),
+        ("centre = [4.0, 9223372036854775807]\nlayers = []", "a number from -1e6 to 1e6"),
         (
-            "size = [9e3, 9e3]\nspacing = 10.0\nlayers = [{ stones = { height = 0.1, size = 0.2, per_square_metre = 1e5 } }]",
+            "spacing = 0.05\nlayers = [{ stones = { height = 0.1, size = 0.4, per_square_metre = 1e5 } }]",
             "`layers[0].stones.per_square_metre` is 100000",
         ),
         (

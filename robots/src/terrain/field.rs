@@ -219,8 +219,9 @@ impl HeightField {
             for j in (v - wide).ceil() as i64..=(v + wide).floor() as i64 {
                 let height = self.at(i, j);
                 let above = |a: f64, b: f64| height - 0.5 * (a + b) > least;
-                if above(self.at(i - 1, j), self.at(i + 1, j)) || above(self.at(i, j - 1), self.at(i, j + 1))
-                {
+                let beside = |a: i64, by: i64| a.saturating_add(by);
+                let along = above(self.at(beside(i, -1), j), self.at(beside(i, 1), j));
+                if along || above(self.at(i, beside(j, -1)), self.at(i, beside(j, 1))) {
                     let (x, y) =
                         (self.origin[0] + self.spacing * i as f64, self.origin[1] + self.spacing * j as f64);
                     visit(i.wrapping_mul(1 << 15).wrapping_add(j) as u32, Point3::new(x, y, height));

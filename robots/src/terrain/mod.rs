@@ -16,6 +16,10 @@ pub use layers::TerrainLayer;
 
 /// Heights of one terrain at most.
 const MOST: f64 = 1e6;
+/// Distance of neighbouring heights at least \[m\].
+const LEAST_SPACING: f64 = 1e-4;
+/// Distance of its middle from the origin at most, along x and y \[m\].
+const FARTHEST: f64 = 1e6;
 
 /// Width of the band about the level part over which the terrain rises to its height \[m\].
 const BAND: f64 = 0.3;
@@ -167,6 +171,9 @@ impl Terrain {
             if good { Ok(()) } else { Err(TerrainError::value(key, value, "a positive number")) }
         };
         positive("spacing", self.spacing)?;
+        if self.spacing < LEAST_SPACING {
+            return Err(TerrainError::value("spacing", self.spacing, "at least 1e-4"));
+        }
         for size in self.size {
             positive("size", size)?;
         }
@@ -178,6 +185,9 @@ impl Terrain {
         ] {
             if !value.is_finite() {
                 return Err(TerrainError::value(key, value, "a finite number"));
+            }
+            if key == "centre" && value.abs() > FARTHEST {
+                return Err(TerrainError::value(key, value, "a number from -1e6 to 1e6"));
             }
         }
         let shares = [

@@ -91,7 +91,7 @@ impl ProMp {
                 expected: "at least 1",
             }));
         }
-        let expected = basis.count() * dimensions;
+        let expected = basis.count().saturating_mul(dimensions);
         for (name, found) in [
             ("the mean", mean.len()),
             ("a column of the covariance", covariance.nrows()),
