@@ -186,7 +186,7 @@ fn a_terrain_that_cannot_be_made_is_refused_with_the_key_at_fault() {
             "`layers[0].stones.per_square_metre` is 100000",
         ),
         (
-            "layers = [{ stones = { height = 0.1, size = 1e3, per_square_metre = 4.0 } }]",
+            "layers = [{ stones = { height = 0.1, size = 1e3, per_square_metre = 40.0 } }]",
             "expected fewer or smaller stones",
         ),
     ] {
