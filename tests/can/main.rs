@@ -33,13 +33,13 @@ impl Row {
     }
 }
 
-/// What the machine has left: its rows, and how it ended.
+/// Results of the one run of the virtual machine: its rows, and its end.
 struct Machine {
     rows: BTreeMap<String, Row>,
     end: Result<(), String>,
 }
 
-/// The machine after its one run, whatever has failed in it; `None` if there is none to be had.
+/// The virtual machine after its one run, whichever rows failed in it; `None` where it cannot be started.
 fn machine() -> Option<&'static Machine> {
     static MACHINE: OnceLock<Option<Machine>> = OnceLock::new();
     MACHINE.get_or_init(run).as_ref()

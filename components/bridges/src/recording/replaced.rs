@@ -112,7 +112,8 @@ pub fn ease_in(plan: &mut Plan, live: &[String], lead: TimeSpan, ramp_down: Time
             eased.push(Eased { port: output.port.clone(), measured });
         }
         if let Some((input, topic)) = released_by {
-            // What released it may be silent before the recording begins, and behind its end: the joint states are not.
+            // The topic that triggered it may be silent before the recording begins and after its end; joint states are published
+            // throughout.
             let activation = match component.activation {
                 Activation::Triggered { topic: other, period_ns, .. } if !is_measured(other) => {
                     Some(Activation::Triggered { topic, input, period_ns })

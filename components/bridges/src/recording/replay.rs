@@ -157,7 +157,7 @@ impl Component for Replay {
         }
         let around_ns = config.lead.ns + config.ramp_down.ns;
         let ends = spans.early_ends(&recorded).into_iter().map(|end| Some(end? + around_ns)).collect();
-        // What it reads is not looked at: the times of the values that caused its own are, and measured joint states.
+        // Of its inputs two kinds are read: the one whose times its outputs carry on, and measured joint states.
         let cause = own.cause.map(|index| &own.inputs[index].port);
         let is_read =
             |port: &String| cause == Some(port) || config.eased.iter().any(|eased| eased.measured == *port);

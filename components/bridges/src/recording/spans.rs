@@ -32,7 +32,7 @@ impl Spans {
         Ok(spans)
     }
 
-    /// Adds a sample. The index of its episode among those that are looked at; `None` if it is none of them.
+    /// Adds a sample. Returns the index of its episode among those that are replayed; `None` if its episode is left out.
     pub(super) fn add(&mut self, stamp: &Stamp) -> Option<u64> {
         let index = match self.only {
             Some(only) if only != stamp.episode => return None,

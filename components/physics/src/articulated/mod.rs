@@ -293,7 +293,7 @@ impl Articulated {
     /// Places all colliders as robots and objects stand in their next state.
     fn place_next(&mut self, robot: &Robot) {
         let parts = &self.parts;
-        // What has not moved yet stands as it did at the start of the step.
+        // An articulation that has not been stepped yet stands as it did at the start of the step.
         let of = |of: usize| {
             if parts[of].h > 0.0 { &parts[of].kinematics } else { &robot.articulations[of].kinematics }
         };

@@ -111,7 +111,7 @@ impl ContactScene {
     /// Sets the lengths of the integration step with this number, the first being 0.
     pub(crate) fn set_lengths(&mut self, step: usize, dt: f64, [far, near]: [usize; 2]) {
         for (body, length) in self.lengths.iter_mut().enumerate() {
-            // What wakes does so among things that move.
+            // An object that wakes is touched by one that moves: it takes the short steps.
             let asleep = self.objects.is_asleep(body.checked_sub(self.articulations));
             let steps = if self.near[body] || asleep { near } else { far };
             *length = if step < steps { dt / steps as f64 } else { 0.0 };

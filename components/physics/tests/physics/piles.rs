@@ -4,7 +4,8 @@ use motorium_physics::{ArticulatedSimulator, Ground, Object, ObjectShape, Option
 use motorium_robots::load;
 use nalgebra::{Isometry3, Vector3};
 
-fn cube(name: &str, position: [f64; 3]) -> Object {
+/// A box with sides of 0.1 m and 0.5 kg, level, at `position` \[m\].
+pub(crate) fn cube(name: &str, position: [f64; 3]) -> Object {
     Object {
         name: name.to_owned(),
         shape: ObjectShape::Box { size: [0.1; 3] },
@@ -17,7 +18,7 @@ fn cube(name: &str, position: [f64; 3]) -> Object {
 }
 
 /// Objects on a ground, beside a pendulum that hangs far away.
-fn scene(objects: Vec<Object>) -> ArticulatedSimulator {
+pub(crate) fn scene(objects: Vec<Object>) -> ArticulatedSimulator {
     let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
     let pendulum = pendulum.placed(&Isometry3::translation(0.0, 0.0, 50.0));
     let world = World { ground: Some(Ground::default()), objects, ..World::default() };
@@ -25,7 +26,7 @@ fn scene(objects: Vec<Object>) -> ArticulatedSimulator {
 }
 
 /// Force of the ground, upwards \[N\].
-fn of_ground(simulation: &ArticulatedSimulator) -> f64 {
+pub(crate) fn of_ground(simulation: &ArticulatedSimulator) -> f64 {
     let mut sum = 0.0;
     simulation.visit_contacts(&mut |contact| {
         if contact.first == "ground" {

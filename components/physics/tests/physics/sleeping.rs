@@ -1,28 +1,10 @@
 //! Objects that stand still sleep, bear what rests on them, and wake when something reaches them; and large piles.
 
-use motorium_physics::{ArticulatedSimulator, Ground, Object, ObjectShape, Options, Simulator, World};
+use motorium_physics::{ArticulatedSimulator, Ground, Object, Options, Simulator, World};
 use motorium_robots::load;
 use nalgebra::{Isometry3, Vector3};
 
-fn cube(name: &str, position: [f64; 3]) -> Object {
-    Object {
-        name: name.to_owned(),
-        shape: ObjectShape::Box { size: [0.1; 3] },
-        mass: Some(0.5),
-        position,
-        rpy: [0.0; 3],
-        friction: 0.6,
-        restitution: 0.0,
-    }
-}
-
-/// Objects on a ground, beside a pendulum that hangs far away.
-fn scene(objects: Vec<Object>) -> ArticulatedSimulator {
-    let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
-    let pendulum = pendulum.placed(&Isometry3::translation(0.0, 0.0, 50.0));
-    let world = World { ground: Some(Ground::default()), objects, ..World::default() };
-    ArticulatedSimulator::new(pendulum, world, &[0.0], Options::default()).unwrap()
-}
+use crate::piles::{cube, of_ground, scene};
 
 fn tower(height: usize) -> Vec<Object> {
     (0..height).map(|k| cube(&format!("box{k}"), [0.0, 0.0, 0.05 + 0.1 * k as f64])).collect()
@@ -54,19 +36,6 @@ fn bits(simulation: &ArticulatedSimulator, names: &[&str]) -> Vec<u64> {
 fn sleeps(simulation: &ArticulatedSimulator, name: &str) -> bool {
     let (linear, angular) = simulation.object_velocity(simulation.object(name).unwrap());
     linear == Vector3::zeros() && angular == Vector3::zeros()
-}
-
-/// Force of the ground, upwards \[N\].
-fn of_ground(simulation: &ArticulatedSimulator) -> f64 {
-    let mut sum = 0.0;
-    simulation.visit_contacts(&mut |contact| {
-        if contact.first == "ground" {
-            sum += contact.force * contact.normal.z;
-        } else if contact.second == "ground" {
-            sum -= contact.force * contact.normal.z;
-        }
-    });
-    sum
 }
 
 #[test]

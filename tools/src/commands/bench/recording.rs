@@ -23,8 +23,8 @@ use crate::{registry, report};
 /// Run a graph with a recorder of all topics and without, in turns, and compare its times.
 ///
 /// Each turn is a run without and one with `--record`, in real time. Prints, of each latency of the graph and of the execution time
-/// of each component, the medians of the turns and the ratio with / without, with the least and the greatest of any turn: a ratio
-/// that is nearer to 1 than they are to each other is none. To be run on a machine that does nothing else.
+/// of each component, the medians of the turns and the ratio with / without, with the least and the greatest ratio of any turn:
+/// where these lie on both sides of 1, the recorder's cost is below the noise. Run it on a machine that does nothing else.
 ///
 /// Example: motorium bench recording graphs/panda-reach.toml --turns 9
 #[derive(Debug, clap::Args)]
@@ -179,8 +179,8 @@ impl Row {
     }
 }
 
-/// A quantile of a histogram, ns: evenly between the bounds of its bucket, whose width of up to a 32nd is more than what is
-/// looked for.
+/// A quantile of a histogram, ns, interpolated evenly within its bucket: buckets are up to a 32nd wide, and a recorder's cost
+/// is less.
 fn quantile(snapshot: &Snapshot, share: f64) -> f64 {
     let (wanted, mut seen) = (share * snapshot.count() as f64, 0.0);
     // The last bucket is full up to there.

@@ -147,7 +147,7 @@ pub(super) trait TaskKind {
     }
 }
 
-/// What a task is called, which priority it has, and what it reads.
+/// Name, priority and inputs of a task.
 pub(super) struct TaskHead<'a> {
     /// Name of the task, with which the names of its parameters begin.
     pub(super) name: &'a str,
