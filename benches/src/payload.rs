@@ -1,6 +1,7 @@
 //! Payloads of the sizes that are measured.
 
-use motorium::state::StateBuffer;
+use motorium::state::{Field as _, StateBuffer};
+use motorium::transport::Loan;
 
 /// A payload of numbers, all of them written by the sender and read by the receiver.
 pub trait Payload: StateBuffer {
@@ -18,12 +19,28 @@ pub trait Payload: StateBuffer {
         self.values_mut().fill(time_ns as f64);
     }
 
+    /// As [`write`](Self::write), and checks each number while it is written: whether all are finite.
+    fn write_checked(&mut self, time_ns: u64) -> bool {
+        f64::write_checked(self.values_mut(), times::<Self>(time_ns)).1
+    }
+
+    /// As [`write_checked`](Self::write_checked), into the memory of a topic.
+    fn write_into(loan: &mut Loan<'_, Self>, time_ns: u64) {
+        loan.fill_from(Self::values, times::<Self>(time_ns));
+    }
+
     /// Reads every number. `None` if they differ: the payload was torn.
     fn read(&self) -> Option<u64> {
         let first = self.values()[0].to_bits();
         let differ = self.values().iter().fold(0, |differ, value| differ | (value.to_bits() ^ first));
         (differ == 0).then_some(f64::from_bits(first) as u64)
     }
+}
+
+/// The numbers of a payload of this time.
+fn times<P: Payload>(time_ns: u64) -> impl Iterator<Item = f64> {
+    let time = time_ns as f64;
+    (0..P::BYTES / size_of::<f64>()).map(move |_| time)
 }
 
 macro_rules! payloads {

@@ -71,7 +71,7 @@ impl<P: Payload> Ports for Sized<P> {
             return Ok(());
         }
         let mut loan = self.output.loan()?;
-        loan.write(monotonic_ns());
+        P::write_into(&mut loan, monotonic_ns());
         loan.publish()
     }
 

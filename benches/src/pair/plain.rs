@@ -67,14 +67,17 @@ impl<P: Payload> Link for PlainMemory<'_, P> {
         // SAFETY: aligned to a cache line and a multiple of the payload's size, valid for any bytes. The other side has read
         // this turn's payload before it answered, and reads it again only after the futex word below.
         let payload = unsafe { &mut *place };
-        payload.write(time_ns);
         if self.checks {
+            if !payload.write_checked(time_ns) {
+                return Err("a payload is not finite".to_string());
+            }
             let publish_time = monotonic_ns();
-            payload.check().map_err(|defect| defect.to_string())?;
             let sequence = self.sent as u64;
             let stamp = Stamp { sequence, source_time: time_ns, publish_time, ..Stamp::default() };
             // SAFETY: the cache line before the payload is its stamp's, under the same rule.
             unsafe { place.byte_sub(STAMP).cast::<Stamp>().write(stamp) };
+        } else {
+            payload.write(time_ns);
         }
         let line = self.buffer.line(self.side);
         line.futex.store(line.futex.load(Relaxed).wrapping_add(1), Release);

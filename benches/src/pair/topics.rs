@@ -47,7 +47,7 @@ impl<P: Payload> Topics<P> {
 impl<P: Payload> Link for Topics<P> {
     fn send(&mut self, time_ns: u64) -> Result<(), String> {
         let mut loan = self.output.loan().map_err(|error| error.to_string())?;
-        loan.write(time_ns);
+        P::write_into(&mut loan, time_ns);
         loan.publish().map_err(|error| error.to_string())
     }
 

@@ -78,6 +78,11 @@ macro_rules! counted_buffer {
             }
 
             fn check(&self) -> Result<(), $crate::state::Defect> {
+                self.check_rest(&$crate::state::Checked::default())
+            }
+
+            #[inline]
+            fn check_rest(&self, checked: &$crate::state::Checked) -> Result<(), $crate::state::Defect> {
                 let count = self.count as usize;
                 if count > $capacity {
                     return Err($crate::state::Defect::Count { field: "count", found: count, capacity: $capacity });
@@ -86,8 +91,10 @@ macro_rules! counted_buffer {
                     $crate::state::Field::check(&self.$plain).map_err(|defect| defect.inside(stringify!($plain)))?;
                 )* )?
                 $(
-                    <$type as $crate::state::Field>::check_all(&self.$field[..count])
-                        .map_err(|defect| defect.inside(stringify!($field)))?;
+                    if !checked.covers(&self.$field[..count]) {
+                        <$type as $crate::state::Field>::check_all(&self.$field[..count])
+                            .map_err(|defect| defect.inside(stringify!($field)))?;
+                    }
                 )*
                 Ok(())
             }

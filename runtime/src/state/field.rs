@@ -5,15 +5,23 @@
 use twox_hash::xxhash3_64::{DEFAULT_SECRET_LENGTH, RawHasher, SecretBuffer};
 
 use super::FieldLayout;
+use super::finite::{self, Checked, Numbers, are_finite, are_plainly_finite};
+
+/// Bytes that are written before they are checked: they are still in the nearest cache.
+const PART: usize = 8 * 1024;
 
 /// A value that may be part of a state buffer.
 ///
 /// # Safety
 /// The type must be valid for every bit pattern, hold no pointer or reference, need no `Drop`, and `describe` must
-/// report every field at its true offset.
+/// report every field at its true offset. A type whose `NUMBERS` are not [`Mixed`](Numbers::Mixed) consists of such numbers
+/// alone, without padding.
 pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
     /// The value whose bytes are all zero.
     const ZERO: Self;
+
+    /// The numbers that it consists of.
+    const NUMBERS: Numbers = Numbers::Mixed;
 
     /// Appends the layout of this field (or of its parts) under the name `prefix`, at `offset` bytes.
     fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>);
@@ -21,8 +29,18 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
     /// Finds what must never reach a reader: a number that is not finite, a count beyond its capacity.
     fn check(&self) -> Result<(), Defect>;
 
+    /// As [`check`](Self::check), without the part that was checked while it was written.
+    #[inline]
+    fn check_rest(&self, checked: &Checked) -> Result<(), Defect> {
+        let _ = checked;
+        self.check()
+    }
+
     /// As [`check`](Self::check), of many values one after the other.
     fn check_all(values: &[Self]) -> Result<(), Defect> {
+        if are_plainly_finite(values) {
+            return Ok(());
+        }
         for (i, value) in values.iter().enumerate() {
             value.check().map_err(|defect| match defect {
                 Defect::NotFinite { field: "", value, .. } => {
@@ -32,6 +50,26 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
             })?;
         }
         Ok(())
+    }
+
+    /// Writes values into their places, from the first on, until either end, and checks each while it is at hand. Returns how
+    /// many were written, and whether all of those may reach a reader.
+    fn write_checked(places: &mut [Self], values: impl Iterator<Item = Self>) -> (usize, bool) {
+        let (mut values, mut count) = (values, 0);
+        for part in places.chunks_mut((PART / size_of::<Self>().max(1)).max(1)) {
+            let room = part.len();
+            let written = part.iter_mut().zip(values.by_ref()).map(|(place, value)| *place = value).count();
+            count += written;
+            if Self::check_all(&part[..written]).is_err() {
+                // The rest is checked in vain.
+                let rest = places[count..].iter_mut().zip(values).map(|(place, value)| *place = value);
+                return (count + rest.count(), false);
+            }
+            if written < room {
+                break;
+            }
+        }
+        (count, true)
     }
 
     /// Feeds the meaningful content (not the unused part of a buffer) to a digest.
@@ -112,34 +150,9 @@ impl Defect {
     }
 }
 
-/// The gathered bits of all numbers times zero: 0 but for the sign if all of them are finite.
-///
-/// One pass without branches: this runs at every publication. A finite number times zero is a zero of either sign, and the
-/// bits of zeros, unlike their sum, may be gathered in any order: several numbers at a time.
-#[inline(always)]
-fn gathered_portably(values: &[f64]) -> u64 {
-    values.iter().fold(0, |bits, value| bits | (value * 0.0).to_bits())
-}
-
-#[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-#[target_feature(enable = "avx2")]
-fn gathered_by_four(values: &[f64]) -> u64 {
-    gathered_portably(values)
-}
-
-#[inline]
-fn gathered(values: &[f64]) -> u64 {
-    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
-    if values.len() >= 32 && std::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has the instructions.
-        return unsafe { gathered_by_four(values) };
-    }
-    gathered_portably(values)
-}
-
 /// Checks that all numbers of a slice are finite.
 pub(super) fn all_finite(field: &'static str, values: &[f64]) -> Result<(), Defect> {
-    if gathered(values) << 1 == 0 {
+    if are_finite(values) {
         return Ok(());
     }
     match values.iter().position(|value| !value.is_finite()) {
@@ -153,6 +166,7 @@ macro_rules! number {
         // SAFETY: a primitive number is valid for every bit pattern and holds no pointer.
         unsafe impl Field for $type {
             const ZERO: Self = 0 as $type;
+            const NUMBERS: Numbers = number!(@numbers $type);
 
             fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>) {
                 out.push(FieldLayout::new(prefix, offset, stringify!($type), size_of::<$type>()));
@@ -164,6 +178,11 @@ macro_rules! number {
 
             fn check_all(values: &[Self]) -> Result<(), Defect> {
                 number!(@check_all $type, values)
+            }
+
+            #[inline]
+            fn write_checked(places: &mut [Self], values: impl Iterator<Item = Self>) -> (usize, bool) {
+                number!(@write $type, places, values)
             }
 
             fn digest(&self, digest: &mut Digest) {
@@ -190,10 +209,17 @@ macro_rules! number {
             }
         }
     )* };
+    (@numbers f64) => { Numbers::Double };
+    (@numbers f32) => { Numbers::Single };
+    (@numbers $type:ident) => { Numbers::Whole };
+    (@write f64, $places:ident, $values:ident) => { finite::write($places, $values) };
+    (@write f32, $places:ident, $values:ident) => { finite::write($places, $values) };
+    (@write $type:ident, $places:ident, $values:ident) => {
+        ($places.iter_mut().zip($values).map(|(place, value)| *place = value).count(), true)
+    };
     (@check_all f64, $values:ident) => { all_finite("", $values) };
     (@check_all f32, $values:ident) => {{
-        let bits = $values.iter().fold(0, |bits, value| bits | (value * 0.0).to_bits());
-        if bits << 1 == 0 {
+        if are_finite($values) {
             return Ok(());
         }
         match $values.iter().position(|value| !value.is_finite()) {
@@ -212,6 +238,7 @@ number!(f64, f32, u8, u16, u32, u64, i8, i16, i32, i64);
 // SAFETY: an array of values that are valid for every bit pattern is too.
 unsafe impl<T: Field, const N: usize> Field for [T; N] {
     const ZERO: Self = [T::ZERO; N];
+    const NUMBERS: Numbers = T::NUMBERS;
 
     fn describe(prefix: &str, offset: usize, out: &mut Vec<FieldLayout>) {
         let mut element = Vec::new();
@@ -233,23 +260,11 @@ unsafe impl<T: Field, const N: usize> Field for [T; N] {
         T::check_all(self)
     }
 
+    fn check_rest(&self, checked: &Checked) -> Result<(), Defect> {
+        if checked.covers(self) { Ok(()) } else { T::check_all(self) }
+    }
+
     fn digest(&self, digest: &mut Digest) {
         T::digest_all(self, digest);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn long_arrays_are_checked_alike_by_wide_instructions_and_portably() {
-        let mut values: Vec<f64> = (0..1_003).map(|i| f64::from(i - 500) * 1e300).collect();
-        assert_eq!((gathered(&values) << 1, gathered_portably(&values) << 1), (0, 0));
-        for (index, wrong) in [(0, f64::NAN), (499, f64::INFINITY), (1_002, f64::NEG_INFINITY)] {
-            let right = core::mem::replace(&mut values[index], wrong);
-            assert!(gathered(&values) << 1 != 0 && gathered_portably(&values) << 1 != 0, "{index}");
-            values[index] = right;
-        }
     }
 }

@@ -14,6 +14,7 @@ mod decode;
 mod emergency;
 mod encode;
 mod field;
+mod finite;
 mod joint;
 mod layout;
 mod learning;
@@ -33,6 +34,7 @@ pub use decode::{DecodeError, Decoded, Decoder, FieldValue, Number};
 pub use emergency::EmergencyStop;
 pub use encode::{EncodeError, encode};
 pub use field::{Defect, Digest, Field};
+pub use finite::{Checked, Numbers};
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
 pub use learning::{
@@ -109,6 +111,8 @@ macro_rules! state_buffer {
         // SAFETY: `repr(C)`, and every field is itself a `Field`.
         unsafe impl $crate::state::Field for $name {
             const ZERO: Self = Self { $( $field: <$field_type as $crate::state::Field>::ZERO ),* };
+            const NUMBERS: $crate::state::Numbers =
+                $crate::state::Numbers::of(&[$( <$field_type as $crate::state::Field>::NUMBERS ),*]);
 
             fn describe(prefix: &str, offset: usize, out: &mut Vec<$crate::state::FieldLayout>) {
                 $crate::state_buffer!(@describe $name, prefix, offset, out, $( $field : $field_type ),*);
@@ -116,6 +120,13 @@ macro_rules! state_buffer {
 
             fn check(&self) -> Result<(), $crate::state::Defect> {
                 $( $crate::state::Field::check(&self.$field).map_err(|defect| defect.inside(stringify!($field)))?; )*
+                Ok(())
+            }
+
+            #[inline]
+            fn check_rest(&self, checked: &$crate::state::Checked) -> Result<(), $crate::state::Defect> {
+                $( $crate::state::Field::check_rest(&self.$field, checked)
+                    .map_err(|defect| defect.inside(stringify!($field)))?; )*
                 Ok(())
             }
 

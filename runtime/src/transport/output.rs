@@ -13,7 +13,7 @@ use super::topic::{refused, same_layout};
 use super::{Connect, OutputPlace, Participant, PortError};
 use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};
-use crate::state::StateBuffer;
+use crate::state::{Checked, Field, StateBuffer};
 
 /// An output port: the one writer of a topic. A value is filled where its readers will find it. Values published on an
 /// output that the graph leaves unwired are read by nobody.
@@ -54,6 +54,8 @@ pub struct Loan<'a, T: StateBuffer> {
     value: NonNull<T>,
     sample: Option<Lent<T>>,
     output: &'a mut Output<T>,
+    /// What was checked while it was written, until anything else is.
+    checked: Checked,
 }
 
 impl<T: StateBuffer> Output<T> {
@@ -114,7 +116,7 @@ impl<T: StateBuffer> Output<T> {
                 (NonNull::from_mut(sample.payload_mut()), Some(sample))
             }
         };
-        Ok(Loan { value, sample, output: self })
+        Ok(Loan { value, sample, output: self, checked: Checked::default() })
     }
 
     /// Publishes a copy of a value.
@@ -142,12 +144,60 @@ impl<T: StateBuffer> core::ops::Deref for Loan<'_, T> {
 impl<T: StateBuffer> core::ops::DerefMut for Loan<'_, T> {
     #[inline]
     fn deref_mut(&mut self) -> &mut T {
+        self.checked = Checked::default();
         // SAFETY: as in `deref`.
         unsafe { self.value.as_mut() }
     }
 }
 
 impl<T: StateBuffer> Loan<'_, T> {
+    /// Fills an array of the value from its first number on, until either end, and checks each number while it is at hand:
+    /// [`publish`](Self::publish) then does not read the array a second time. Returns how many were written; what an array
+    /// that is longer held before stays behind them.
+    ///
+    /// For arrays of `f64` and `f32` that are too large for the nearest cache, such as maps, weights and pictures of
+    /// numbers: there the check takes as long as the filling. The last array that was filled so is spared; set counts
+    /// and other fields before, for whatever is written later through `&mut` has all of the value checked again.
+    ///
+    /// ```
+    /// # use motorium::prelude::*;
+    /// use motorium::state::HeightScan;
+    ///
+    /// fn publish_flat_ground(heights: &mut Output<HeightScan>, ground: f32) -> Result<(), StepError> {
+    ///     let mut loan = heights.loan()?;
+    ///     (loan.rows, loan.columns) = (30, 30);
+    ///     loan.set_count(900);
+    ///     loan.fill_from(HeightScan::height, std::iter::repeat_n(ground, 900));
+    ///     loan.publish()
+    /// }
+    /// ```
+    ///
+    /// # Panics
+    /// `array` gives numbers that are no part of the value.
+    pub fn fill_from<E: Field>(
+        &mut self,
+        array: impl FnOnce(&T) -> &[E],
+        values: impl IntoIterator<Item = E>,
+    ) -> usize {
+        let whole = self.value.addr().get();
+        let found = array(self);
+        let (bytes, length) = (size_of_val(found), found.len());
+        let offset = found.as_ptr().addr().wrapping_sub(whole);
+        let inside = offset <= size_of::<T>() && bytes <= size_of::<T>() - offset;
+        assert!(inside, "an array of {} bytes that is no part of {}", bytes, T::NAME);
+        // SAFETY: `bytes` from `offset` on lie within the value and held an array of this type; any bit pattern is valid for
+        // it, and for whatever else the value holds there. Nobody else uses the value, as in `deref`, and the reference to
+        // it has ended.
+        let places = unsafe {
+            core::slice::from_raw_parts_mut(self.value.cast::<E>().byte_add(offset).as_ptr(), length)
+        };
+        let (written, valid) = E::write_checked(places, values.into_iter());
+        // What is not valid is found again, and named, when it is to be published.
+        let spared = if valid && written == length { Checked::of(places) } else { Checked::default() };
+        self.checked = spared;
+        written
+    }
+
     /// Publishes the value and wakes the components that it triggers.
     ///
     /// # Errors
@@ -184,9 +234,9 @@ impl<T: StateBuffer> Loan<'_, T> {
 
     #[inline(always)]
     fn finish(self, source_ns: Option<u64>) -> Result<(), StepError> {
-        let Self { value, sample, output: Output { port, sink, topic, context } } = self;
+        let Self { value, sample, output: Output { port, sink, topic, context }, checked: part } = self;
         // SAFETY: as in `deref`.
-        let check = |_: &_| unsafe { value.as_ref() }.check();
+        let check = |_: &_| unsafe { value.as_ref() }.check_rest(&part);
         // SAFETY: as in `deref`.
         let digest = |_: &_, digest: &mut _| unsafe { value.as_ref() }.digest(digest);
         let send = |sample: Option<_>, stamp| match (sink, sample) {

@@ -102,6 +102,8 @@ pub struct SliceLoan<'a, T: StateBuffer> {
     sample: Option<Lent<[T]>>,
     length: usize,
     output: &'a mut SliceOutput<T>,
+    /// True if all of it was checked while it was written, and nothing was written since.
+    checked: bool,
 }
 
 impl<T: StateBuffer> SliceOutput<T> {
@@ -153,7 +155,7 @@ impl<T: StateBuffer> SliceOutput<T> {
             None => None,
             Some((stream, _)) => Some(stream.lend(length).ok_or_else(|| failed("no sample could be lent"))?),
         };
-        Ok(SliceLoan { sample, length, output: self })
+        Ok(SliceLoan { sample, length, output: self, checked: false })
     }
 }
 
@@ -170,6 +172,7 @@ impl<T: StateBuffer> core::ops::Deref for SliceLoan<'_, T> {
 
 impl<T: StateBuffer> core::ops::DerefMut for SliceLoan<'_, T> {
     fn deref_mut(&mut self) -> &mut [T] {
+        self.checked = false;
         match &mut self.sample {
             Some(sample) => sample.payload_mut(),
             None => &mut self.output.scratch[..self.length],
@@ -178,6 +181,26 @@ impl<T: StateBuffer> core::ops::DerefMut for SliceLoan<'_, T> {
 }
 
 impl<T: StateBuffer> SliceLoan<'_, T> {
+    /// Fills the slice from its first element on, until either end, and checks each element while it is at hand:
+    /// [`publish`](Self::publish) then does not read the slice a second time, unless it is written to in between or was
+    /// not filled to its end. Returns how many were written.
+    ///
+    /// ```
+    /// # use motorium::prelude::*;
+    /// # use motorium::state::CloudPoint;
+    /// # use motorium::transport::SliceOutput;
+    /// fn publish_copy(cloud: &mut SliceOutput<CloudPoint>, points: &[CloudPoint]) -> Result<(), StepError> {
+    ///     let mut loan = cloud.loan(points.len())?;
+    ///     loan.fill_from(points.iter().copied());
+    ///     loan.publish()
+    /// }
+    /// ```
+    pub fn fill_from(&mut self, values: impl IntoIterator<Item = T>) -> usize {
+        let (written, valid) = T::write_checked(self, values.into_iter());
+        self.checked = valid && written == self.length;
+        written
+    }
+
     /// Publishes the slice and wakes the components that it triggers.
     ///
     /// # Errors
@@ -198,12 +221,14 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
 
     #[inline(always)]
     fn finish(self, source_ns: Option<u64>) -> Result<(), StepError> {
-        let unwired = if self.sample.is_none() { T::check_all(&self) } else { Ok(()) };
+        let checked_before = self.checked;
+        let check = |values: &[T]| if checked_before { Ok(()) } else { T::check_all(values) };
+        let unwired = if self.sample.is_none() { check(&self) } else { Ok(()) };
         let Self { sample, output: SliceOutput { port, wired, context, .. }, .. } = self;
         let (Some(sample), Some((stream, topic))) = (sample, wired) else {
             return checked(context, unwired).or_else(|reason| reason.for_step(port));
         };
-        let check = |sample: &Lent<[T]>| T::check_all(sample.payload());
+        let check = |sample: &Lent<[T]>| check(sample.payload());
         let digest = |sample: &Lent<[T]>, digest: &mut Digest| {
             digest.write_u64(sample.payload().len() as u64);
             T::digest_all(sample.payload(), digest);

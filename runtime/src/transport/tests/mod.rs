@@ -1,5 +1,6 @@
 //! Topics and parameters across their real mechanisms, within one process.
 
+mod filling;
 mod joining;
 mod latest;
 mod streams;

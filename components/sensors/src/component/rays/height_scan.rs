@@ -171,9 +171,7 @@ impl RangeSensor for HeightScanSensor {
         (scan.rows, scan.columns) = (self.points[0] as u32, self.points[1] as u32);
         (scan.spacing, scan.least, scan.most) = (self.spacing, self.least, self.most);
         scan.set_count(values.len());
-        for (height, value) in scan.height_mut().iter_mut().zip(values) {
-            *height = *value as f32;
-        }
+        scan.fill_from(HeightScan::height, values.iter().map(|value| *value as f32));
         scan.publish_from(source)
     }
 }

@@ -143,9 +143,7 @@ impl Fan {
         let mut ranges = output.loan()?;
         (ranges.least, ranges.most) = (self.settings.least, self.settings.most);
         ranges.set_count(self.count());
-        for (range, value) in ranges.range_mut().iter_mut().zip(values) {
-            *range = *value as f32;
-        }
+        ranges.fill_from(Ranges::range, values.iter().map(|value| *value as f32));
         ranges.publish_from(source)
     }
 
@@ -161,15 +159,10 @@ impl Fan {
         let mut points = output.loan(distances.iter().filter(|distance| returned(distance)).count())?;
         let seen = distances.iter().zip(cosines).zip(&self.directions);
         let seen = seen.filter(|((distance, _), _)| returned(distance));
-        for (point, ((distance, cosine), direction)) in points.iter_mut().zip(seen) {
+        points.fill_from(seen.map(|((distance, cosine), direction)| {
             let place = direction.scale(*distance);
-            *point = CloudPoint {
-                x: place.x as f32,
-                y: place.y as f32,
-                z: place.z as f32,
-                intensity: *cosine as f32,
-            };
-        }
+            CloudPoint { x: place.x as f32, y: place.y as f32, z: place.z as f32, intensity: *cosine as f32 }
+        }));
         points.publish_from(source)
     }
 }

@@ -1,0 +1,267 @@
+//! The check for finite numbers: of numbers at rest, and of numbers while they are written.
+
+#![allow(unsafe_code)] // wide instructions where the processor has them; values of one kind of number seen as that
+
+use core::ops::BitOr;
+
+use super::Field;
+
+/// Numbers from which on wide instructions pay: they stand in a function, and so in a page, of their own.
+#[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+const WIDE: usize = 256;
+
+/// A floating-point number.
+pub(super) trait Float: Copy {
+    /// Its bits.
+    type Bits: Copy + Default + PartialEq + BitOr<Output = Self::Bits>;
+
+    /// The bits of the number times zero, without the sign: 0 if the number is finite.
+    fn excess(self) -> Self::Bits;
+}
+
+macro_rules! floats {
+    ($($float:ident => $bits:ident),*) => { $(
+        impl Float for $float {
+            type Bits = $bits;
+
+            #[inline(always)]
+            fn excess(self) -> $bits {
+                (self * 0.0).to_bits() << 1
+            }
+        }
+    )* };
+}
+floats!(f64 => u64, f32 => u32);
+
+/// The gathered bits of all numbers times zero: 0 if all of them are finite.
+///
+/// One pass without branches: this runs at every publication. A finite number times zero is a zero of either sign, and the
+/// bits of zeros, unlike their sum, may be gathered in any order: several numbers at a time.
+#[inline(always)]
+fn gathered_portably<F: Float>(values: &[F]) -> F::Bits {
+    values.iter().fold(F::Bits::default(), |bits, value| bits | value.excess())
+}
+
+#[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+#[target_feature(enable = "avx2")]
+fn gathered_by_four<F: Float>(values: &[F]) -> F::Bits {
+    gathered_portably(values)
+}
+
+/// True if all numbers are finite.
+#[inline]
+pub(super) fn are_finite<F: Float>(values: &[F]) -> bool {
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    if values.len() >= WIDE && std::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has the instructions.
+        return unsafe { gathered_by_four(values) } == F::Bits::default();
+    }
+    gathered_portably(values) == F::Bits::default()
+}
+
+/// Writes numbers into their places, from the first on, and gathers their bits as [`gathered_portably`] does: they are
+/// looked at where they are made, and not read again. Returns how many were written.
+#[inline(always)]
+fn written_portably<F: Float>(places: &mut [F], values: impl Iterator<Item = F>) -> (usize, F::Bits) {
+    let (mut count, mut bits) = (0, F::Bits::default());
+    for (place, value) in places.iter_mut().zip(values) {
+        *place = value;
+        bits = bits | value.excess();
+        count += 1;
+    }
+    (count, bits)
+}
+
+#[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+#[target_feature(enable = "avx2")]
+fn written_by_four<F: Float>(places: &mut [F], values: impl Iterator<Item = F>) -> (usize, F::Bits) {
+    written_portably(places, values)
+}
+
+/// Writes numbers into their places, from the first on, until either end. Returns how many were written, and whether all
+/// of those are finite.
+#[inline]
+pub(super) fn write<F: Float>(places: &mut [F], values: impl Iterator<Item = F>) -> (usize, bool) {
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+    if places.len() >= WIDE && std::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has the instructions.
+        let (count, bits) = unsafe { written_by_four(places, values) };
+        return (count, bits == F::Bits::default());
+    }
+    let (count, bits) = written_portably(places, values);
+    (count, bits == F::Bits::default())
+}
+
+/// Numbers that a value consists of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Numbers {
+    /// `f64` alone, without padding.
+    Double,
+    /// `f32` alone, without padding.
+    Single,
+    /// Integers alone: any content is valid.
+    Whole,
+    /// Several kinds, or some that count only up to a count.
+    Mixed,
+}
+
+impl Numbers {
+    /// Those of a value with parts of these.
+    ///
+    /// ```
+    /// use motorium::state::Numbers;
+    ///
+    /// assert_eq!(Numbers::of(&[Numbers::Single, Numbers::Single]), Numbers::Single);
+    /// assert_eq!(Numbers::of(&[Numbers::Single, Numbers::Whole]), Numbers::Mixed);
+    /// ```
+    pub const fn of(parts: &[Self]) -> Self {
+        let mut index = 1;
+        while index < parts.len() {
+            if parts[index] as u8 != parts[0] as u8 {
+                return Self::Mixed;
+            }
+            index += 1;
+        }
+        if parts.is_empty() { Self::Whole } else { parts[0] }
+    }
+}
+
+/// True if values are known to hold finite numbers alone; false if they do not, or must be looked at one by one.
+#[inline]
+pub(super) fn are_plainly_finite<T: Field>(values: &[T]) -> bool {
+    let bytes = size_of_val(values);
+    let first = values.as_ptr();
+    match T::NUMBERS {
+        Numbers::Whole => true,
+        Numbers::Mixed => false,
+        // SAFETY: by the promise of `Field` the values are these numbers, one after the other without padding, and so
+        // aligned like them.
+        Numbers::Double => are_finite(unsafe { core::slice::from_raw_parts(first.cast::<f64>(), bytes / 8) }),
+        // SAFETY: as above.
+        Numbers::Single => are_finite(unsafe { core::slice::from_raw_parts(first.cast::<f32>(), bytes / 4) }),
+    }
+}
+
+/// A part of a value whose numbers were found to be finite while they were written.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Checked {
+    /// Addresses of the first byte, and of the one after the last; none if they are equal.
+    from: usize,
+    to: usize,
+    /// True if the numbers are `f32`.
+    single: bool,
+}
+
+impl Checked {
+    /// The part that these values are; nothing unless they consist of one kind of floating-point numbers.
+    pub(crate) fn of<T: Field>(values: &[T]) -> Self {
+        let from = values.as_ptr().addr();
+        match T::NUMBERS {
+            Numbers::Double | Numbers::Single => {
+                Self { from, to: from + size_of_val(values), single: T::NUMBERS == Numbers::Single }
+            }
+            Numbers::Whole | Numbers::Mixed => Self::default(),
+        }
+    }
+
+    /// True if it is no part at all.
+    #[inline]
+    pub fn is_empty(&self) -> bool {
+        self.from == self.to
+    }
+
+    /// True if these values lie within the part.
+    #[inline]
+    pub fn covers<T: Field>(&self, values: &[T]) -> bool {
+        let asked = Self::of(values);
+        self.from <= asked.from && asked.to <= self.to && !asked.is_empty() && self.single == asked.single
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::state::{CloudPoint, Defect};
+
+    #[test]
+    fn long_arrays_are_checked_alike_by_wide_instructions_and_portably() {
+        let mut values: Vec<f64> = (0..1_003).map(|i| f64::from(i - 500) * 1e300).collect();
+        assert!(are_finite(&values) && gathered_portably(&values) == 0);
+        for (index, wrong) in [(0, f64::NAN), (499, f64::INFINITY), (1_002, f64::NEG_INFINITY)] {
+            let right = core::mem::replace(&mut values[index], wrong);
+            assert!(!are_finite(&values) && gathered_portably(&values) != 0, "{index}");
+            values[index] = right;
+        }
+    }
+
+    /// Any bits: finite numbers, subnormal ones, infinities, NaNs of every payload.
+    fn any_f64() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            20 => any::<u64>().prop_map(f64::from_bits),
+            60 => -1e308..1e308,
+            1 => Just(f64::NAN),
+            1 => Just(f64::INFINITY),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_what_was_given_and_is_checked_as_one_by_one(
+            values in proptest::collection::vec(any_f64(), 0..600),
+            places in 0..600usize,
+        ) {
+            let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+            let mut wide = vec![7.0; places];
+            let mut portable = wide.clone();
+            let expected = places.min(values.len());
+            let valid = values[..expected].iter().all(|value| value.is_finite());
+            prop_assert_eq!(write(&mut wide, values.iter().copied()), (expected, valid));
+            let (count, gathered) = written_portably(&mut portable, values.iter().copied());
+            prop_assert_eq!((count, gathered == 0), (expected, valid));
+            for written in [&wide, &portable] {
+                prop_assert_eq!(bits(&written[..expected]), bits(&values[..expected]));
+                prop_assert!(written[expected..].iter().all(|value| *value == 7.0), "beyond the end");
+            }
+        }
+
+        #[test]
+        fn single_numbers_are_checked_as_one_by_one(
+            values in proptest::collection::vec(any::<u32>().prop_map(f32::from_bits), 0..600),
+        ) {
+            let mut places = vec![0.0; values.len()];
+            let valid = values.iter().all(|value| value.is_finite());
+            prop_assert_eq!(write(&mut places, values.iter().copied()), (values.len(), valid));
+            prop_assert_eq!(are_finite(&values), valid);
+        }
+
+        #[test]
+        fn points_are_checked_together_as_one_by_one(
+            bits in proptest::collection::vec(any::<[u32; 4]>(), 0..150),
+            finite: bool,
+        ) {
+            let number = |bits: u32| if finite { bits as f32 } else { f32::from_bits(bits) };
+            let points: Vec<CloudPoint> = bits
+                .iter()
+                .map(|bits| bits.map(number))
+                .map(|[x, y, z, intensity]| CloudPoint { x, y, z, intensity })
+                .collect();
+            let one_by_one: Result<Vec<()>, Defect> = points.iter().map(Field::check).collect();
+            prop_assert_eq!(CloudPoint::check_all(&points).is_ok(), one_by_one.is_ok());
+        }
+    }
+
+    #[test]
+    fn a_part_covers_what_lies_in_it_of_the_same_numbers_and_nothing_else() {
+        let values = [0.0_f64; 8];
+        let part = Checked::of(&values[2..6]);
+        assert!(part.covers(&values[2..6]) && part.covers(&values[3..4]));
+        for range in [1..6, 2..7, 0..2, 6..8] {
+            assert!(!part.covers(&values[range.clone()]), "{range:?}");
+        }
+        assert!(!part.covers(&[0.0_f64]) && !Checked::default().covers(&values));
+        let bits: [u64; 8] = values.map(f64::to_bits);
+        assert!(Checked::of(&bits).is_empty());
+    }
+}
