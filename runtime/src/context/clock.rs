@@ -54,6 +54,7 @@ impl Clock {
     }
 
     /// The start of the run, ns.
+    #[inline]
     pub(crate) fn start_ns(&self) -> u64 {
         if self.lockstep { 0 } else { self.region.header().start_ns.load(Acquire) }
     }

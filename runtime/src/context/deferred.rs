@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::fmt::Debug;
 use std::rc::Rc;
 
+use super::Context;
 use crate::region::Region;
 
 /// Ages kept until the end of a step; further ones are recorded at once.
@@ -14,8 +15,8 @@ pub(crate) trait AfterStep: Debug {
     /// Wakes the components that the step has triggered.
     fn wake(&self);
 
-    /// Chooses the memory of the next publication.
-    fn prepare(&self);
+    /// Counts the publications of the step, and chooses the memory of the next one.
+    fn finish(&self, context: &Context);
 
     /// Forgets the publications of the episode before.
     fn begin_episode(&self);
@@ -58,13 +59,14 @@ impl Deferred {
     }
 
     /// Wakes the components on this core that the step has triggered. They may run before this returns.
+    #[inline]
     pub(crate) fn wake(&self) {
         self.outputs.borrow().iter().for_each(|output| output.wake());
     }
 
     /// Does the rest of the work put off.
-    pub(crate) fn finish(&self) {
-        self.outputs.borrow().iter().for_each(|output| output.prepare());
+    pub(crate) fn finish(&self, context: &Context) {
+        self.outputs.borrow().iter().for_each(|output| output.finish(context));
         for (edge, age_ns) in self.ages.borrow_mut().drain(..) {
             self.region.edges()[edge].age.record(age_ns);
         }

@@ -3,6 +3,7 @@
 mod causality;
 mod clock;
 mod deferred;
+mod first_lines;
 mod signals;
 
 use std::cell::Cell;
@@ -19,6 +20,7 @@ use crate::state::Stamp;
 pub(crate) use causality::Causality;
 pub(crate) use clock::Clock;
 pub(crate) use deferred::{AfterStep, Deferred};
+pub(crate) use first_lines::{Access, FirstLines, Line};
 pub(crate) use signals::Signals;
 
 /// Publications between two look-ups of the core.
@@ -37,6 +39,7 @@ pub(crate) struct Context {
     clock: Clock,
     causality: Causality,
     deferred: Deferred,
+    first_lines: FirstLines,
     signals: Arc<Signals>,
     /// The trace of the component, if the run is traced.
     trace: Option<TraceWriter>,
@@ -60,6 +63,7 @@ impl Context {
             clock: Clock::new(plan.clock, region.clone()),
             causality: Causality::new(matches!(component.activation, Activation::Triggered { .. })),
             deferred: Deferred::new(region.clone()),
+            first_lines: FirstLines::default(),
             signals: Arc::default(),
             trace: None,
             episode: Cell::new(region.header().episode.load(Relaxed)),
@@ -109,6 +113,25 @@ impl Context {
     #[inline]
     pub(crate) fn deferred(&self) -> &Deferred {
         &self.deferred
+    }
+
+    /// The cache lines that a step needs first.
+    #[inline]
+    pub(crate) fn first_lines(&self) -> &FirstLines {
+        &self.first_lines
+    }
+
+    /// Notes the lines that the loop around the steps needs first. For the worker alone.
+    pub(crate) fn note_first_lines(&self) {
+        let (header, block) = (self.region.header(), self.block());
+        let read = |address: *const u8| self.first_lines.note(address, Access::Read);
+        read(core::ptr::from_ref(header).cast());
+        read(Arc::as_ptr(&self.signals).cast());
+        read(Rc::as_ptr(&self.region).cast());
+        read(crate::telemetry::place_of_counts());
+        for word in [&block.begun, &block.steps] {
+            self.first_lines.note(core::ptr::from_ref(word), Access::Write);
+        }
     }
 
     pub(crate) fn signals(&self) -> &Arc<Signals> {
@@ -196,6 +219,7 @@ impl Context {
     }
 
     /// True if actuators must be in their safe state, regardless of the command.
+    #[inline]
     pub(crate) fn is_stopping(&self) -> bool {
         self.signals.on_its_own_since_ns().is_some()
     }
@@ -223,6 +247,7 @@ impl Context {
 
     /// True if the loop ends: the run stops, this process was asked to end, or the launcher is dead. In the last two
     /// cases an actuator in real time first stays in its safe state for the settling time.
+    #[inline]
     pub(crate) fn must_leave(&self) -> bool {
         self.signals.acknowledge();
         if self.region.header().command() == Command::Stop {

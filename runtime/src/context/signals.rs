@@ -25,6 +25,7 @@ impl Signals {
         self.terminated.clone()
     }
 
+    #[inline]
     pub(super) fn is_terminated(&self) -> bool {
         self.terminated.load(Relaxed)
     }
@@ -38,6 +39,7 @@ impl Signals {
 
     /// Time since which actuators are to be in their safe state although the launcher has not said so, ns: this process
     /// was asked to end, or the launcher died. `u64::MAX` while the time of a request is still to be noted.
+    #[inline]
     pub(super) fn on_its_own_since_ns(&self) -> Option<u64> {
         let noted = |cell: &AtomicU64| Some(cell.load(Relaxed)).filter(|ns| *ns != 0);
         let asked = || self.is_terminated().then(|| noted(&self.terminated_ns).unwrap_or(u64::MAX));
@@ -65,6 +67,7 @@ impl Signals {
     }
 
     /// Notes that the stepping thread has seen all messages sent so far.
+    #[inline]
     pub(super) fn acknowledge(&self) {
         self.seen.store(self.sent.load(Acquire), Relaxed);
     }

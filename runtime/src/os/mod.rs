@@ -3,6 +3,7 @@
 //! Everything here that needs `unsafe` is a single call into libc whose arguments are owned by the caller.
 
 mod cpu_time;
+mod futex;
 mod idle;
 mod lock;
 pub mod machine;
@@ -16,6 +17,7 @@ mod users;
 mod wait;
 
 pub use cpu_time::{WaitedForCore, thread_cpu_ns};
+pub(crate) use futex::{futex_sleep, futex_wake_low};
 pub use idle::IdleLimit;
 pub use lock::{Lock, is_held};
 pub use prefetch::{prefetch_read, prefetch_write};

@@ -41,6 +41,7 @@ pub fn sleep_until(deadline_ns: u64) {
 ///
 /// The word may lie in memory shared with other processes. Returns true if a signal ended the wait. The word may be
 /// unchanged without a signal too: a late wake-up of the value before may end the wait for the next.
+#[inline(always)]
 pub fn futex_wait(word: &AtomicU32, value: u32, timeout: Option<Duration>) -> bool {
     let timeout = timeout.map(|t| Timespec { tv_sec: t.as_secs() as i64, tv_nsec: t.subsec_nanos() as _ });
     // Every other outcome means the same to the caller: read the word again.
@@ -48,6 +49,7 @@ pub fn futex_wait(word: &AtomicU32, value: u32, timeout: Option<Duration>) -> bo
 }
 
 /// Wakes all processes that wait on `word`.
+#[inline(always)]
 pub fn futex_wake(word: &AtomicU32) {
     let _ = futex::wake(word, futex::Flags::empty(), i32::MAX as u32);
 }

@@ -162,13 +162,15 @@ impl ParameterReader {
     pub(crate) fn refresh(&mut self) {
         let Some(port) = &mut self.port else { return };
         if port.seen.as_ref().is_none_or(|seen| !port.handle.is_up_to_date(seen)) {
-            port.seen = Some(port.handle.get());
             self.apply();
         }
     }
 
     #[cold]
     fn apply(&mut self) {
+        if let Some(port) = &mut self.port {
+            port.seen = Some(port.handle.get());
+        }
         let Some(table) = self.port.as_ref().and_then(|port| port.seen.as_ref()) else { return };
         for (place, plan) in places(&self.parameters) {
             let places = place..place + plan.declaration.numbers();

@@ -46,6 +46,7 @@ macro_rules! from_word {
     ($type:ident, $fallback:ident, $($variant:ident),*) => {
         impl $type {
             /// Decodes a word of the control block; an unknown value reads as the most careful variant.
+            #[inline]
             pub fn from_word(word: u32) -> Self {
                 $( if word == Self::$variant as u32 { return Self::$variant; } )*
                 Self::$fallback
@@ -104,6 +105,7 @@ pub struct Header {
 
 impl Header {
     /// The current command.
+    #[inline]
     pub fn command(&self) -> Command {
         Command::from_word(self.command.load(Acquire))
     }

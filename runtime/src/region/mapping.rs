@@ -70,6 +70,7 @@ impl Counts {
         self.trace_at() + rings * (size_of::<TraceHead>() + self.traced * size_of::<TraceSlot>())
     }
 
+    #[inline]
     fn topics_at(self) -> usize {
         Self::COMPONENTS_AT + self.components * size_of::<ComponentBlock>()
     }
@@ -200,6 +201,7 @@ impl Region {
     }
 
     /// The header.
+    #[inline]
     pub fn header(&self) -> &Header {
         // SAFETY: the mapping is page-aligned and at least a header long (checked when it was made or opened);
         // a header is all atomics, valid for any bytes and shareable between processes.
@@ -212,11 +214,13 @@ impl Region {
     }
 
     /// The block of each component, in the order of the plan.
+    #[inline]
     pub fn components(&self) -> &[ComponentBlock] {
         self.blocks(Counts::COMPONENTS_AT, self.counts.components)
     }
 
     /// The block of each topic, in the order of the plan.
+    #[inline]
     pub fn topics(&self) -> &[TopicBlock] {
         self.blocks(self.counts.topics_at(), self.counts.topics)
     }
@@ -227,6 +231,7 @@ impl Region {
     }
 
     /// The block of each edge, in the order of [`Plan::edges`].
+    #[inline]
     pub fn edges(&self) -> &[EdgeBlock] {
         self.blocks(self.counts.edges_at(), self.counts.edges)
     }
@@ -242,6 +247,7 @@ impl Region {
         Some(TraceRing { head, slots })
     }
 
+    #[inline]
     fn blocks<T>(&self, offset: usize, count: usize) -> &[T] {
         debug_assert!(offset + count * size_of::<T>() <= self.memory.len());
         // SAFETY: in bounds (the size was checked against the counts), aligned (all blocks and the header are

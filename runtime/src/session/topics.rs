@@ -154,7 +154,7 @@ impl Session<'_> {
             }
         });
         sent.map_err(|error| refused(error.to_string()))?;
-        context.deferred().finish();
+        context.deferred().finish(context);
         Ok(())
     }
 

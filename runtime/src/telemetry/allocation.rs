@@ -56,7 +56,13 @@ unsafe impl GlobalAlloc for CountingAllocator {
     }
 }
 
+/// Address of the counts of the calling thread.
+pub(crate) fn place_of_counts() -> *const u8 {
+    OWN.with(|own| core::ptr::from_ref(own).cast())
+}
+
 /// Heap allocations of the calling thread so far; all zero unless [`CountingAllocator`] is installed.
+#[inline]
 pub fn allocations() -> Allocations {
     Allocations { own: OWN.get(), set_apart: SET_APART.get() }
 }

@@ -51,6 +51,7 @@ pub struct Percentiles {
 
 impl Histogram {
     /// Records one duration, ns.
+    #[inline]
     pub fn record(&self, nanoseconds: u64) {
         // One writer: plain loads and stores suffice and cost a fraction of atomic read-modify-writes.
         let add = |cell: &AtomicU64, value: u64| cell.store(cell.load(Relaxed).wrapping_add(value), Relaxed);
@@ -112,6 +113,7 @@ impl Histogram {
     }
 }
 
+#[inline]
 fn bucket(value: u64) -> usize {
     if value < 1 << SUB_BITS {
         return value as usize;

@@ -4,6 +4,7 @@ mod allocation;
 mod histogram;
 mod snapshot;
 
+pub(crate) use allocation::place_of_counts;
 pub use allocation::{Allocations, CountingAllocator, allocations, counts_allocations, set_apart};
 pub use histogram::{Histogram, Percentiles};
 pub use snapshot::Snapshot;

@@ -93,7 +93,11 @@ impl<T: StateBuffer> Input<T> {
         same_layout::<T>(topic, place.port)?;
         let memory = participant.memory(topic)?;
         let source = match topic.pattern {
-            TopicPattern::State => Source::State(StateReader::new(memory, place.pin)),
+            TopicPattern::State => {
+                let reader = StateReader::new(memory, place.pin);
+                reader.note_first_lines(participant.context().first_lines());
+                Source::State(reader)
+            }
             TopicPattern::Stream { .. } => {
                 let queue = Box::new(StreamReader::open(&open::<T>(participant, topic)?, place)?);
                 Source::Stream { queue, memory, seen: 0 }

@@ -5,8 +5,9 @@ use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
 use super::Participant;
+use super::latest::protocol::Words as _;
 use super::latest::{StateWriter, TopicMemory};
-use crate::context::{AfterStep, Context};
+use crate::context::{Access, AfterStep, Context, Line};
 use crate::declare::StepError;
 use crate::plan::{OnMiss, TopicPlan};
 use crate::region::{Command, add};
@@ -76,8 +77,8 @@ impl TopicWriter {
         state: Option<Rc<StateWriter>>,
     ) -> Self {
         let OutputPlace { index, probes, wakes_late, .. } = place;
-        let (owes_wake, owes_slot) = (Cell::new(false), Cell::new(false));
-        let after = Rc::new(AfterOutput { memory, state, owes_wake, owes_slot });
+        let after = Rc::new(AfterOutput::new(participant.context(), index, memory, state));
+        participant.context().first_lines().note(Rc::as_ptr(&after), Access::Read);
         participant.context().deferred().add(after.clone());
         Self { topic: index, after, wakes_late, probes, digest: Digest::default() }
     }
@@ -153,20 +154,28 @@ impl TopicWriter {
     }
 
     /// Wakes the waiting components, counts the publication and measures its latency.
+    #[inline(always)]
     fn announce(&self, context: &Context, stamp: Stamp) {
-        let region = context.region();
+        self.after.uncounted.set(Some((stamp.sequence, stamp.publish_time)));
         if self.wakes_late {
+            // The words of the control block would hold up those who wait: their lines may be elsewhere.
             self.after.owes_wake.set(true);
-        } else if !context.clock().is_lockstep() {
-            self.after.memory.notify();
+        } else {
+            if !context.clock().is_lockstep() {
+                self.after.memory.notify();
+            }
+            self.after.finish(context);
         }
-        self.after.owes_slot.set(true);
-        if !self.wakes_late {
-            self.after.prepare();
+        if !self.probes.is_empty() {
+            self.measure(context, &stamp);
         }
-        let block = &region.topics()[self.topic];
-        block.last_publish_ns.store(stamp.publish_time, Relaxed);
-        block.published.store(stamp.sequence, Relaxed);
+        context.note_published(self.topic, &stamp);
+    }
+
+    /// Measures the latencies that end at the output.
+    #[inline(never)]
+    fn measure(&self, context: &Context, stamp: &Stamp) {
+        let region = context.region();
         for probe in &self.probes {
             let latency = stamp.publish_time.saturating_sub(stamp.source_time);
             let measured = &region.latencies()[probe.index];
@@ -178,7 +187,6 @@ impl TopicWriter {
                 }
             }
         }
-        context.note_published(self.topic, &stamp);
     }
 }
 
@@ -194,16 +202,34 @@ pub(super) fn checked<D>(context: &Context, outcome: Result<(), D>) -> Result<()
 /// The work of one output at the end of a step.
 #[derive(Debug)]
 struct AfterOutput {
+    /// Index of the topic.
+    topic: usize,
     memory: Rc<TopicMemory>,
     state: Option<Rc<StateWriter>>,
     owes_wake: Cell<bool>,
-    owes_slot: Cell<bool>,
+    /// Number and time, ns, of the last publication, until it is counted in the control block.
+    uncounted: Cell<Option<(u64, u64)>>,
+    /// The first line of the slot to be filled next.
+    slot: Option<Line>,
+}
+
+impl AfterOutput {
+    fn new(context: &Context, topic: usize, memory: Rc<TopicMemory>, state: Option<Rc<StateWriter>>) -> Self {
+        let lines = context.first_lines();
+        lines.note(memory.head(), Access::Write);
+        lines.note(Rc::as_ptr(&memory), Access::Read);
+        if let Some(state) = &state {
+            lines.note(Rc::as_ptr(state), Access::Write);
+        }
+        let slot = state.as_ref().and_then(|_| lines.note(memory.head(), Access::Write));
+        Self { topic, memory, state, owes_wake: Cell::new(false), uncounted: Cell::new(None), slot }
+    }
 }
 
 impl AfterStep for AfterOutput {
     fn begin_episode(&self) {
         self.owes_wake.set(false);
-        self.owes_slot.set(false);
+        self.uncounted.set(None);
         if let Some(state) = &self.state {
             state.begin_episode();
         }
@@ -215,11 +241,14 @@ impl AfterStep for AfterOutput {
         }
     }
 
-    fn prepare(&self) {
-        if self.owes_slot.take()
-            && let Some(state) = &self.state
-        {
-            state.prepare();
+    fn finish(&self, context: &Context) {
+        let Some((number, time_ns)) = self.uncounted.take() else { return };
+        let block = &context.region().topics()[self.topic];
+        block.last_publish_ns.store(time_ns, Relaxed);
+        block.published.store(number, Relaxed);
+        let next = self.state.as_ref().and_then(|state| state.prepare());
+        if let Some((line, next)) = self.slot.zip(next) {
+            context.first_lines().replace(line, next, Access::Write);
         }
     }
 }

@@ -40,6 +40,7 @@ impl Trigger {
     }
 
     /// As [`wait`](Self::wait), at most until the clock reaches `until_ns`; whether it went to sleep.
+    #[inline(always)]
     pub(crate) fn wait_until(&self, until_ns: Option<u64>) -> bool {
         let seen = self.seen.get();
         let sleeps = self.memory.newest() == seen && !self.poll(seen);
@@ -62,6 +63,7 @@ impl Trigger {
     }
 
     /// Number and time (ns on the clock of stamps) of the newest publication.
+    #[inline]
     pub(crate) fn newest(&self) -> (u64, u64) {
         let (newest, time_ns) = newest_with_time(self.memory.head());
         (newest.number(), time_ns)

@@ -36,15 +36,18 @@ pub(super) fn catch_panic_messages() {
 }
 
 /// Runs a call into a component; a panic becomes an error.
+#[inline(always)]
 pub(super) fn guard<R, E: From<String>>(call: impl FnOnce() -> Result<R, E>) -> Result<R, E> {
     let outer = INSIDE.replace(true);
     let result = catch_unwind(AssertUnwindSafe(call));
     INSIDE.set(outer);
     match result {
         Ok(result) => result,
-        Err(_) => {
-            let words = PANIC.with_borrow_mut(Option::take);
-            Err(E::from(words.unwrap_or_else(|| "panicked".to_string())))
-        }
+        Err(_) => Err(E::from(words_of_panic())),
     }
+}
+
+#[cold]
+fn words_of_panic() -> String {
+    PANIC.with_borrow_mut(Option::take).unwrap_or_else(|| "panicked".to_string())
 }

@@ -48,13 +48,13 @@ pub(super) fn open<C: Component>(host: &Host<'_>, index: usize) -> Result<Box<dy
     Ok(Box::new(Open { stepper, ports }))
 }
 
-/// A component with its type.
-struct Open<C> {
-    stepper: Stepper<C>,
+/// A component and its ports.
+struct Open {
+    stepper: Stepper,
     ports: Vec<Rc<dyn Connect>>,
 }
 
-impl<C: Component> Hosted for Open<C> {
+impl Hosted for Open {
     fn connect(&mut self) -> Result<(), Failure> {
         let tick = self.stepper.context().block().steps.load(Relaxed);
         connect(&self.ports).map_err(|message| Failure { tick, message })

@@ -7,7 +7,6 @@ use std::time::Duration;
 use super::Failure;
 use super::rounds::Rounds;
 use super::stepper::{Stepper, Timing};
-use crate::component::Component;
 use crate::os::monotonic_ns;
 use crate::plan::Plan;
 use crate::region::Region;
@@ -17,8 +16,8 @@ use crate::transport::Connect;
 const LOOK: Duration = Duration::from_millis(100);
 
 /// Steps whenever the component has the turn, and gives it to the next one, until the run ends.
-pub(super) fn run<C: Component>(
-    stepper: &mut Stepper<C>,
+pub(super) fn run(
+    stepper: &mut Stepper,
     ports: &[Rc<dyn Connect>],
     (plan, region): (&Plan, &Region),
     index: usize,

@@ -202,8 +202,8 @@ fn live<C: Component>(
 }
 
 /// A component that is configured, and the ports that are still to be connected.
-struct Configured<C> {
-    stepper: Stepper<C>,
+struct Configured {
+    stepper: Stepper,
     ports: Vec<Rc<dyn Connect>>,
     trigger: Option<Trigger>,
     descriptor: Option<OwnedFd>,
@@ -218,12 +218,14 @@ fn configure<C: Component>(
     plan: &Plan,
     index: usize,
     context: Rc<Context>,
-) -> Result<Configured<C>, Failure> {
+) -> Result<Configured, Failure> {
     let component = &plan.components[index];
     let tick = context.block().steps.load(Relaxed);
     let at_setup = |message: String| Failure { tick, message };
     let config = serde_json::from_value(component.config.clone())
         .map_err(|error| at_setup(format!("its configuration: {error}")))?;
+    // Before those of its ports: there is room for so many.
+    context.note_first_lines();
     let setup = failure::guard(|| Setup::new(folder, plan, index, context.clone()));
     let mut setup = setup.map_err(at_setup)?;
     let made = failure::guard(|| C::configure(config, &mut setup).map_err(|error| error.with_advice()));

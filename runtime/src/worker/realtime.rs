@@ -7,7 +7,6 @@ use super::grid::Grid;
 use super::margin::Margin;
 use super::rest::Rest;
 use super::stepper::{Stepper, Timing};
-use crate::component::Component;
 use crate::os::{monotonic_ns, sleep_until, yield_core};
 use crate::region::add;
 use crate::transport::Trigger;
@@ -17,8 +16,8 @@ use crate::transport::Trigger;
 const STALL_NS: u64 = 10_000;
 
 /// Steps at `start + phase + n * period` until the run ends.
-pub(super) fn run_periodic<C: Component>(
-    stepper: &mut Stepper<C>,
+pub(super) fn run_periodic(
+    stepper: &mut Stepper,
     period_ns: u64,
     phase_ns: u64,
     mut margin: Margin,
@@ -49,12 +48,7 @@ pub(super) fn run_periodic<C: Component>(
 }
 
 /// Sleeps, then spins, until a release. Returns the time of waking, or `None` when the run ends.
-fn wait_until<C: Component>(
-    stepper: &mut Stepper<C>,
-    release_ns: u64,
-    margin: &mut Margin,
-    rest: &mut Rest,
-) -> Option<u64> {
+fn wait_until(stepper: &mut Stepper, release_ns: u64, margin: &mut Margin, rest: &mut Rest) -> Option<u64> {
     // Under SCHED_DEADLINE a yield gives away the rest of the period, and those it has woken come after it anyway.
     let mut let_others_run = stepper.context().block().deadline.load(Relaxed) != 0;
     let mut spinning: Option<(u64, u64)> = None;
@@ -95,7 +89,10 @@ fn wait_until<C: Component>(
             yield_core();
             let_others_run = true;
         } else {
-            spinning.get_or_insert((now, now));
+            if spinning.is_none() {
+                spinning = Some((now, now));
+                stepper.context().first_lines().fetch();
+            }
             core::hint::spin_loop();
         }
     }
@@ -103,8 +100,8 @@ fn wait_until<C: Component>(
 
 /// Steps whenever a topic is published, until the run ends. With `longest_wait_ns`, as for an actuator, a step begins after
 /// that time also if nothing was published, and at once when the run is stopping.
-pub(super) fn run_triggered<C: Component>(
-    stepper: &mut Stepper<C>,
+pub(super) fn run_triggered(
+    stepper: &mut Stepper,
     trigger: &Trigger,
     longest_wait_ns: Option<u64>,
     mut rest: Rest,
@@ -121,6 +118,7 @@ pub(super) fn run_triggered<C: Component>(
     loop {
         // Ends for a publication, for a command of the launcher, or for a signal; what it was shows in memory.
         let slept = trigger.wait_until(until_ns);
+        stepper.context().first_lines().fetch();
         let mut wake_ns = monotonic_ns();
         if slept {
             stepper.slept();

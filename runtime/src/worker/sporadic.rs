@@ -7,7 +7,6 @@
 use super::Failure;
 use super::rest::Rest;
 use super::stepper::{Stepper, Timing};
-use crate::component::Component;
 use crate::os::{Readiness, monotonic_ns};
 use crate::region::add;
 
@@ -37,8 +36,8 @@ impl Releases {
 
 /// Steps whenever the descriptor is readable, until the run ends. With `longest_wait_ns`, as for an actuator, a step begins
 /// after that time also without an event, and at once when the run is stopping.
-pub(super) fn run<C: Component>(
-    stepper: &mut Stepper<C>,
+pub(super) fn run(
+    stepper: &mut Stepper,
     readiness: &Readiness,
     longest_wait_ns: Option<u64>,
     mut rest: Rest,
@@ -59,6 +58,7 @@ pub(super) fn run<C: Component>(
             }
             None => readiness.wait(until_ns),
         };
+        stepper.context().first_lines().fetch();
         let mut wake_ns = monotonic_ns();
         let slept = wake_ns - began_ns > AT_ONCE_NS;
         if slept {

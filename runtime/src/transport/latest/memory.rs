@@ -5,7 +5,6 @@
 use core::ptr::NonNull;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
-use std::time::Duration;
 
 use iceoryx2::node::Node;
 use iceoryx2_bb_posix::access_mode::AccessMode;
@@ -20,7 +19,7 @@ use super::protocol::{Head, Newest, Pin, Reuse, Words, newest};
 use crate::atomics::Native;
 use crate::declare::TopicPattern;
 use crate::domain::Shared;
-use crate::os::{futex_wait, futex_wake, monotonic_ns};
+use crate::os::{futex_sleep, futex_wake_low};
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp};
 use crate::transport::{PortError, topic::refused};
@@ -208,6 +207,7 @@ impl TopicMemory {
         unsafe { self.base.cast::<Preface>().as_ref() }
     }
 
+    #[inline]
     fn slot(&self, slot: usize) -> *mut Slot {
         assert!(slot < self.dimensions.slots, "a topic's words name a slot that it does not have");
         // SAFETY: in bounds of the mapping by the assertion; aligned, since the slots begin at a multiple of a cache line
@@ -260,12 +260,13 @@ impl TopicMemory {
     }
 
     /// True if the time to fill a value outweighs the choice of its slot.
+    #[inline]
     pub(crate) fn is_large(&self) -> bool {
         self.dimensions.size > LARGE
     }
 
     /// Wakes all who wait for the next publication.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn notify(&self) {
         notify::notify::<Native>(self.head(), &SystemFutex::FOREVER);
     }
@@ -277,6 +278,7 @@ impl TopicMemory {
 
     /// Sleeps until something was published or interrupted after `seen`, a signal arrives, or the clock reaches
     /// `until_ns`.
+    #[inline(always)]
     pub(crate) fn sleep(&self, seen: Newest, until_ns: Option<u64>) {
         notify::sleep::<Native>(self.head(), &SystemFutex { until_ns }, seen);
     }
@@ -291,6 +293,7 @@ impl TopicMemory {
     }
 
     /// The core of the last publication, if there was one.
+    #[inline]
     pub(crate) fn core(&self) -> Option<usize> {
         self.head().core.load(Relaxed).checked_sub(1).map(|core| core as usize)
     }
@@ -344,32 +347,17 @@ struct SystemFutex {
 
 impl SystemFutex {
     const FOREVER: Self = Self { until_ns: None };
-
-    /// Time left to sleep; `None` without an end.
-    fn left(&self) -> Option<Duration> {
-        self.until_ns.map(|until| Duration::from_nanos(until.saturating_sub(monotonic_ns())))
-    }
-
-    fn low_half(word: &AtomicU64) -> &AtomicU32 {
-        let half = (word as *const AtomicU64).cast::<AtomicU32>();
-        // SAFETY: the half lies in the word and is aligned; the kernel alone reads it.
-        unsafe { &*half.add(usize::from(cfg!(target_endian = "big"))) }
-    }
 }
 
 impl Futex<Native> for SystemFutex {
+    #[inline(always)]
     fn sleep(&self, word: &AtomicU64, seen: u64) {
-        let mut left = self.left();
-        while left != Some(Duration::ZERO)
-            && !futex_wait(Self::low_half(word), seen as u32, left)
-            && word.load(Acquire) as u32 == seen as u32
-        {
-            left = self.left();
-        }
+        futex_sleep(word, seen, self.until_ns);
     }
 
+    #[inline(always)]
     fn wake(&self, word: &AtomicU64) {
-        futex_wake(Self::low_half(word));
+        futex_wake_low(word);
     }
 }
 

@@ -19,7 +19,7 @@ pub(crate) trait Futex<A: Atomics> {
 }
 
 /// Wakes those who sleep until the next publication; to be called after one was announced.
-#[inline]
+#[inline(always)]
 pub(crate) fn notify<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
     A::fence_after_exchange(Site::Notify);
     if head.sleepers.load(Relaxed) != 0 {
@@ -39,6 +39,7 @@ pub(crate) fn interrupt<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>) {
 }
 
 /// Sleeps until the word of the newest publication is no longer `seen`; may return early, for a signal.
+#[inline(always)]
 pub(crate) fn sleep<A: Atomics>(head: &Head<A>, futex: &impl Futex<A>, seen: Newest) {
     head.sleepers.fetch_add(1, SeqCst);
     A::fence_after_exchange(Site::Sleep);

@@ -7,6 +7,7 @@ use std::rc::Rc;
 use super::TopicMemory;
 use super::protocol::{Newest, Pin, Words as _, pin_newest, unpin};
 use crate::atomics::Native;
+use crate::context::{Access, FirstLines};
 use crate::os::prefetch_read;
 use crate::state::{Stamp, StateBuffer};
 
@@ -25,6 +26,13 @@ impl StateReader {
         let reader = Self { memory, pin, pinned: Newest::default() };
         unpin(reader.pin());
         reader
+    }
+
+    /// Notes the lines that a look needs first.
+    pub(crate) fn note_first_lines(&self, lines: &FirstLines) {
+        lines.note(Rc::as_ptr(&self.memory), Access::Read);
+        lines.note(self.memory.head(), Access::Read);
+        lines.note(self.pin(), Access::Write);
     }
 
     fn pin(&self) -> &Pin<Native> {

@@ -77,18 +77,19 @@ impl StateWriter {
         writer.publish(&*self.memory, stamp.publish_time);
     }
 
-    /// Chooses the slot of the next publication and fetches it, while nobody waits for the writer.
+    /// Chooses the slot of the next publication and fetches it, while nobody waits for the writer. Returns where it is.
     ///
     /// The slot of a large value is chosen when it is filled: by then the readers have let go of the one before, and two
     /// slots that take turns stay in the cache where three would not.
     #[inline]
-    pub(crate) fn prepare(&self) {
+    pub(crate) fn prepare(&self) -> Option<*const u8> {
         if self.memory.is_large() {
-            return;
+            return None;
         }
         let slot = self.writer.borrow_mut().slot(&*self.memory);
         let (first, bytes) = self.memory.range(slot);
         prefetch_write(first, bytes);
+        Some(first)
     }
 }
 

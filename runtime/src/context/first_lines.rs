@@ -1,0 +1,104 @@
+//! The cache lines that a step needs first, fetched all at once.
+
+use std::cell::Cell;
+
+use crate::os::{prefetch_read, prefetch_write};
+
+/// Lines that are noted at most: a step that uses more of them finds the rest itself.
+const LINES: usize = 32;
+/// Bytes of a line.
+const LINE: usize = 64;
+/// The mark of a line that is written.
+const WRITTEN: usize = 1;
+
+/// The cache lines that a step needs first: words of the control block, heads and next slots of its topics.
+///
+/// A thread that has slept finds its caches and its address translations used by others. Where each line leads to the
+/// next, or an instruction waits for all loads before it, misses come one after the other; fetched by name they overlap.
+#[derive(Debug, Default)]
+pub(crate) struct FirstLines {
+    /// Addresses, with the mark in the lowest bit.
+    lines: [Cell<usize>; LINES],
+    count: Cell<usize>,
+}
+
+/// The access for which a line is fetched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Access {
+    /// Others may keep their copies.
+    Read,
+    /// This core becomes the only one that has the line.
+    Write,
+}
+
+/// A line that has been noted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Line(usize);
+
+impl FirstLines {
+    /// Notes the line of an address. `None` if there is no room for it.
+    pub(crate) fn note<T>(&self, address: *const T, access: Access) -> Option<Line> {
+        let line = Line(self.count.get());
+        self.lines.get(line.0)?.set(marked(address, access));
+        self.count.set(line.0 + 1);
+        Some(line)
+    }
+
+    /// Notes the first lines of a value, at most as many as given.
+    pub(crate) fn note_value<T>(&self, value: *const T, access: Access, at_most: usize) {
+        let (first, bytes) = (value.cast::<u8>(), size_of::<T>());
+        for line in (0..bytes).step_by(LINE).take(at_most) {
+            self.note(first.wrapping_add(line), access);
+        }
+    }
+
+    /// Puts another address in the place of a noted one.
+    #[inline]
+    pub(crate) fn replace<T>(&self, line: Line, address: *const T, access: Access) {
+        if let Some(noted) = self.lines.get(line.0) {
+            noted.set(marked(address, access));
+        }
+    }
+
+    /// Fetches all lines.
+    #[inline]
+    pub(crate) fn fetch(&self) {
+        for line in self.lines.iter().take(self.count.get()) {
+            let address = core::ptr::without_provenance::<u8>(line.get() & !WRITTEN);
+            if line.get() & WRITTEN == 0 {
+                prefetch_read(address, 1);
+            } else {
+                prefetch_write(address, 1);
+            }
+        }
+    }
+}
+
+fn marked<T>(address: *const T, access: Access) -> usize {
+    (address.addr() & !WRITTEN) | usize::from(access == Access::Write)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_beyond_the_room_for_them_are_not_noted() {
+        let (lines, word) = (FirstLines::default(), 7_u64);
+        let noted: Vec<_> = (0..LINES).map(|_| lines.note(&raw const word, Access::Read)).collect();
+        assert!(noted.iter().all(Option::is_some));
+        assert_eq!(lines.note(&raw const word, Access::Write), None);
+        lines.fetch();
+        assert_eq!(word, 7);
+    }
+
+    #[test]
+    fn a_line_is_replaced_in_its_place() {
+        let (lines, words) = (FirstLines::default(), [[0_u64; 8]; 2]);
+        let line = lines.note(&raw const words[0], Access::Write).unwrap();
+        lines.note(&raw const words[1], Access::Read);
+        lines.replace(line, &raw const words[1], Access::Read);
+        assert_eq!(lines.lines[0].get(), lines.lines[1].get());
+        assert_eq!(lines.count.get(), 2);
+    }
+}
