@@ -106,11 +106,11 @@ impl Scene {
                     ],
                     rpy: [0.1 * angle, 0.05, 0.2 * layer as f64],
                     friction: 0.6,
-                    restitution: 0.0,
+                    ..Object::default()
                 }
             })
             .collect();
-        let ground = Some(Ground { height: -5.0, friction: 0.6, restitution: 0.0 });
+        let ground = Some(Ground { height: -5.0, friction: 0.6, restitution: 0.0, ..Ground::default() });
         let world = World { ground, objects, ..World::default() };
         // The peers' boxes do not sleep either.
         let options = Options { sleeping: false, ..Options::default() };

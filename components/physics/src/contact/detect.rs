@@ -9,6 +9,7 @@ use super::features::ContactGeometry;
 use super::narrow;
 use super::near_pairs::NearPairs;
 use super::objects::FreeBody;
+use super::surface::SurfaceLaw;
 use super::terrain;
 
 /// Contact points kept at once, for the robots and for each object that moves. Of more, the deepest.
@@ -31,8 +32,7 @@ pub(crate) struct ContactPoint {
     pub(crate) distance: f64,
     /// Bound of the speed of the surfaces relative to one another \[m/s\].
     pub(crate) speed: f64,
-    pub(crate) friction: f64,
-    pub(crate) restitution: f64,
+    pub(crate) law: SurfaceLaw,
     /// Length of the integration step in which its impulse acts \[s\].
     pub(crate) h: f64,
     /// Neither side moves: the point, and its force, are those of an earlier integration step.
@@ -284,8 +284,8 @@ impl Detector {
                 continue;
             }
             let (first, second) = (&all.colliders[pair.first], &all.colliders[pair.second]);
-            let friction = 0.5 * (first.friction + second.friction);
-            let restitution = 0.5 * (first.restitution + second.restitution);
+            let places = [pair.first, pair.second];
+            let law = SurfaceLaw::between([first, second], |place| distances.pose(places[place]).rotation);
             let mut found = |swapped: bool, feature: u32, point, normal, distance| {
                 let colliders = if swapped { (pair.second, pair.first) } else { (pair.first, pair.second) };
                 let owners = if swapped { (second.owner, first.owner) } else { (first.owner, second.owner) };
@@ -300,8 +300,7 @@ impl Detector {
                         normal,
                         distance,
                         speed,
-                        friction,
-                        restitution,
+                        law: if swapped { law.swapped() } else { law },
                         h: UNKNOWN,
                         kept: false,
                     },

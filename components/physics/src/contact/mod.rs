@@ -23,6 +23,7 @@ mod objects;
 mod scene;
 mod site;
 mod sums;
+mod surface;
 mod sweeps;
 mod terrain;
 

@@ -117,10 +117,11 @@ impl ConeSolver {
 
     /// The modes of the contact points that press, and their unknowns.
     fn find_modes(&mut self) {
-        let Self { rows, velocity, friction, lambda, newton, .. } = self;
+        let Self { rows, velocity, friction, couples, lambda, newton, .. } = self;
         newton.unknowns.clear();
         newton.modes.clear();
-        for (index, friction) in friction.iter().take(*rows / 3).enumerate() {
+        let points = couples.iter().take(*rows / 3).take_while(|couple| couple.is_none()).count();
+        for (index, friction) in friction.iter().take(points).enumerate() {
             let at = 3 * index;
             let normal = lambda[at];
             if normal <= 0.0 {

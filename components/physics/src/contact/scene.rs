@@ -1,7 +1,7 @@
 //! The contact scene: colliders, objects that move, and the impulses between all of them.
 
 use motorium_robots::{Kinematics, Terrain, TerrainError};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::colliders::{Collider, Colliders, Owner};
 use super::detect::{ContactPoint, Detector, DetectorState, Motion};
@@ -55,7 +55,11 @@ impl ContactScene {
             lengths: vec![0.0; bodies],
             near: vec![false; bodies],
             sleeping,
-            impulses: Impulses::new(&robot.articulations, objects.now.len(), detector.capacity()),
+            impulses: Impulses::new(
+                &robot.articulations,
+                objects.now.len(),
+                detector.capacity() * if colliders.resist_turning() { 2 } else { 1 },
+            ),
             objects,
             colliders,
             detector,
@@ -156,28 +160,34 @@ impl ContactScene {
         // Poses do not change yet: only the velocities fall.
         objects.before_fall();
         objects.fall(gravity, &lengths[articulations.len()..]);
-        let slopes = |owner: Owner, point: &ContactPoint, axes: &[_; 3], sign: f64, columns: &mut [_]| {
+        let slopes = |owner: Owner, point: &Point3<f64>, axes: &[_; 3], sign: f64, columns: &mut [_]| {
             let (of, body) = match owner {
                 Owner::Base(of) => (of, None),
                 Owner::Body(of, index) => (of, Some(index)),
                 Owner::World | Owner::Object(_) => return,
             };
             let model = articulations[of].model();
-            kinematics(of).add_point_jacobian(model, body, &point.point, (axes, sign), columns);
+            kinematics(of).add_point_jacobian(model, body, point, (axes, sign), columns);
         };
         impulses.prepare(detector.points(), v, (&objects.before, &objects.next), slopes);
     }
 
     /// Adds the impulses of this integration step to `sums`; those on what sleeps, once in a step of `dt` \[s\], in the first.
     pub(crate) fn add_impulses(&self, first: bool, dt: f64, sums: &mut ImpulseSums) {
+        let share = |point: &ContactPoint| match point.kept {
+            false => 1.0,
+            true if first => dt / point.h,
+            true => 0.0,
+        };
         for (index, point, ..) in self.points() {
-            let share = match point.kept {
-                false => 1.0,
-                true if first => dt / point.h,
-                true => continue,
-            };
             let (one, two) = point.colliders;
-            sums.add([one, two], &point.point, &(self.impulses.vector(index, &point.normal) * share));
+            let impulse = self.impulses.vector(index, &point.normal);
+            sums.add([one, two], &point.point, &(impulse * share(point)));
+        }
+        let points = self.detector.points();
+        for (index, moment) in self.impulses.couples(points) {
+            let (one, two) = points[index].colliders;
+            sums.add_moment([one, two], &(moment * share(&points[index])));
         }
     }
 

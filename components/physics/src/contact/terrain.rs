@@ -11,6 +11,7 @@ use super::bounds::Motions;
 use super::colliders::{Collider, Colliders};
 use super::detect::{ContactPoint, Motion, UNKNOWN};
 use super::features::{ContactGeometry, Feature};
+use super::surface::SurfaceLaw;
 
 /// Points of one round feature: more faces do not meet under a sphere that is no greater than the stones.
 const FACES: usize = 4;
@@ -65,8 +66,7 @@ pub(super) fn detect(
                 normal,
                 distance,
                 speed,
-                friction: 0.5 * (a.friction + b.friction),
-                restitution: 0.5 * (a.restitution + b.restitution),
+                law: SurfaceLaw::between([a, b], |place| distances.pose([first, second][place]).rotation),
                 h: UNKNOWN,
                 kept: false,
             }

@@ -46,9 +46,7 @@ fn cube(name: &str, mass: Option<f64>, x: f64) -> Object {
         shape: ObjectShape::Box { size: [0.1; 3] },
         mass,
         position: [x, 0.5, 0.05],
-        rpy: [0.0; 3],
-        friction: 0.8,
-        restitution: 0.0,
+        ..Object::default()
     }
 }
 

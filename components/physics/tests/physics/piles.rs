@@ -11,9 +11,8 @@ pub(crate) fn cube(name: &str, position: [f64; 3]) -> Object {
         shape: ObjectShape::Box { size: [0.1; 3] },
         mass: Some(0.5),
         position,
-        rpy: [0.0; 3],
         friction: 0.6,
-        restitution: 0.0,
+        ..Object::default()
     }
 }
 
