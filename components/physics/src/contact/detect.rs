@@ -49,6 +49,8 @@ pub(super) struct Pair {
     /// Origins farther apart than this are not near one another \[m\]; infinite for a half-space.
     pub(super) reach: f64,
     pub(super) half_space: bool,
+    /// One of them is part of a robot that moves.
+    of_robot: bool,
     /// Which part of the motions counts.
     pub(super) part: usize,
     /// The pair needs no measurement until the ways of both have come this near \[m\].
@@ -119,7 +121,8 @@ impl Detector {
                 let half_space = b.shape == ConvexShape::HalfSpace;
                 let reach = a.shape.bounding_radius() + b.shape.bounding_radius();
                 let part = bounds::part([a, b]);
-                Pair { index, first, second, reach, half_space, part, until: f64::NEG_INFINITY }
+                let of_robot = a.owner.is_robot() || b.owner.is_robot();
+                Pair { index, first, second, reach, half_space, of_robot, part, until: f64::NEG_INFINITY }
             })
             .collect();
         pairs.sort_unstable_by_key(|pair| (pair.first, pair.second));
@@ -264,7 +267,7 @@ impl Detector {
         terrain::clearance(colliders, articulation, &self.distances)
     }
 
-    /// Finds all contact points closer than `least` \[m\], and those that may touch within `h` \[s\]. Between colliders that do
+    /// Finds all contact points of robots closer than `least` \[m\], and those of anything that may touch within `h` \[s\]. Between colliders that do
     /// not move in this integration step they are those found last.
     pub(crate) fn detect(&mut self, all: &Colliders, h: f64, least: f64) -> &[ContactPoint] {
         let Self { pairs, near, points, earlier, moving, most, distances, motions, .. } = self;
@@ -279,7 +282,7 @@ impl Detector {
                 continue;
             }
             let (way, speed) = motions.of_pair(pair.part, pair.first, pair.second);
-            let margin = margin(h, speed).max(least);
+            let margin = margin(h, speed).max(if pair.of_robot { least } else { 0.0 });
             if pair.until - way > margin {
                 continue;
             }
@@ -310,7 +313,7 @@ impl Detector {
                 + way
                 - ROUNDING;
         }
-        let near = |speed| margin(h, speed).max(least);
+        let near = |speed, of_robot: bool| margin(h, speed).max(if of_robot { least } else { 0.0 });
         terrain::detect((all, moving), distances, motions, near, &mut |point| keep((points, *most), point));
         for point in earlier.iter().filter(|point| !moves(point.colliders.0) && !moves(point.colliders.1)) {
             keep((points, *most), ContactPoint { kept: true, ..*point });

@@ -22,13 +22,15 @@ pub(crate) struct ContactScene {
     /// Length of the next integration step of each articulation and each object that moves \[s\]; zero where its step is
     /// over.
     lengths: Vec<f64>,
-    /// Those near a contact, which take the steps of contacts.
+    /// Robots near a contact, and what is near them, which take the steps of contacts.
     near: Vec<bool>,
+    /// Number of integration steps of the present step.
+    steps: usize,
     /// Objects at rest may sleep.
     sleeping: bool,
 }
 
-/// Closer than this to a contact, contacts decide the length of the integration steps \[m\].
+/// Closer than this to a contact, contacts decide the length of the integration steps of a robot \[m\].
 const NEAR: f64 = 0.010;
 
 /// The state of a [`ContactScene`] that later steps depend on.
@@ -54,6 +56,7 @@ impl ContactScene {
             articulations,
             lengths: vec![0.0; bodies],
             near: vec![false; bodies],
+            steps: 1,
             sleeping,
             impulses: Impulses::new(
                 &robot.articulations,
@@ -97,8 +100,8 @@ impl ContactScene {
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
-    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and what is so near to one that it takes the
-    /// integration steps of contacts. Returns the larger number of integration steps of those there are, `far` from
+    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and the robots so near to one that they take the
+    /// integration steps of contacts, with all that they may touch. Returns the larger number of integration steps of those there are, `far` from
     /// contacts or near.
     pub(crate) fn begin(&mut self, dt: f64, gravity: &Vector3<f64>, [far, near]: [usize; 2]) -> usize {
         self.objects.feel(gravity);
@@ -109,15 +112,16 @@ impl ContactScene {
         self.impulses.find_near(self.detector.points(), NEAR, &mut self.near);
         let asleep = |body: usize| self.objects.is_asleep(body.checked_sub(self.articulations));
         let awake = (0..self.near.len()).filter(|body| !asleep(*body));
-        awake.map(|body| if self.near[body] { near } else { far }).max().unwrap_or(far)
+        self.steps = awake.map(|body| if self.near[body] { near } else { far }).max().unwrap_or(far);
+        self.steps
     }
 
     /// Sets the lengths of the integration step with this number, the first being 0.
     pub(crate) fn set_lengths(&mut self, step: usize, dt: f64, [far, near]: [usize; 2]) {
         for (body, length) in self.lengths.iter_mut().enumerate() {
-            // An object that wakes is touched by one that moves: it takes the short steps.
+            // An object may wake in any of the steps: it takes the short ones, where there are some.
             let asleep = self.objects.is_asleep(body.checked_sub(self.articulations));
-            let steps = if self.near[body] || asleep { near } else { far };
+            let steps = if self.near[body] || asleep { near.min(self.steps) } else { far };
             *length = if step < steps { dt / steps as f64 } else { 0.0 };
         }
         self.set_moving();

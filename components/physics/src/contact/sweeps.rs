@@ -9,8 +9,10 @@ use super::site::{Mobility, Side, Site};
 /// Largest number of sweeps.
 const SWEEPS: usize = 50;
 
-/// Change of a velocity \[m/s\] in a sweep below which the sweeps end.
+/// Change of a velocity \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest that an impulse makes
+/// at its own point, as in impacts.
 const SETTLED: f64 = 1e-6;
+const SETTLED_SHARE: f64 = 1e-5;
 
 /// Half solutions of the contact points on articulations.
 #[derive(Clone, Copy)]
@@ -109,7 +111,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         let mut before = f64::INFINITY;
         for sweep in 0..SWEEPS {
             self.begin_sweep();
-            let (mut change, mut squared) = (0.0_f64, 0.0);
+            let (mut change, mut largest, mut squared) = (0.0_f64, 0.0_f64, 0.0);
             for step in 0..self.places.len() {
                 // To and fro, so that impulses run through a pile both ways.
                 let place =
@@ -120,13 +122,15 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
                 if moved == [0.0; 3] {
                     continue;
                 }
-                for (moved, diagonal) in moved.iter().zip(&self.sites[index].answer.diagonal) {
+                let diagonal = &self.sites[index].answer.diagonal;
+                largest = largest.max(self.lambda[3 * index] * diagonal[0]);
+                for (moved, diagonal) in moved.iter().zip(diagonal) {
                     change = change.max((moved * diagonal).abs());
                     // Weighed by the mobility, so that light and heavy bodies count alike.
                     squared += moved * moved * diagonal;
                 }
             }
-            if change < SETTLED || sweep + 1 == SWEEPS {
+            if change < SETTLED.max(SETTLED_SHARE * largest) || sweep + 1 == SWEEPS {
                 return;
             }
             let share = squared / before;

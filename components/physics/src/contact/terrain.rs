@@ -40,7 +40,7 @@ pub(super) fn detect(
     (all, moving): (&Colliders, &[Motion]),
     distances: &Collisions,
     motions: &Motions,
-    margin: impl Fn(f64) -> f64,
+    margin: impl Fn(f64, bool) -> f64,
     found: &mut dyn FnMut(ContactPoint),
 ) {
     let Some(field) = &all.terrain else { return };
@@ -51,7 +51,7 @@ pub(super) fn detect(
         }
         let pose = distances.pose(index);
         let (speed, reach) = (motions.speed(index), collider.shape.bounding_radius());
-        let (margin, centre) = (margin(speed), pose.translation.vector);
+        let (margin, centre) = (margin(speed, collider.owner.is_robot()), pose.translation.vector);
         let near = reach + margin;
         if centre.z - near > field.highest_near(centre.x, centre.y, near) {
             continue;
