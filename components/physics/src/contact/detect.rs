@@ -9,6 +9,7 @@ use super::features::ContactGeometry;
 use super::narrow;
 use super::near_pairs::NearPairs;
 use super::objects::FreeBody;
+use super::parties::{Least, Parties};
 use super::surface::SurfaceLaw;
 use super::terrain;
 
@@ -49,8 +50,8 @@ pub(super) struct Pair {
     /// Origins farther apart than this are not near one another \[m\]; infinite for a half-space.
     pub(super) reach: f64,
     pub(super) half_space: bool,
-    /// One of them is part of a robot that moves.
-    of_robot: bool,
+    /// What meets in it.
+    parties: Parties,
     /// Which part of the motions counts.
     pub(super) part: usize,
     /// The pair needs no measurement until the ways of both have come this near \[m\].
@@ -121,8 +122,8 @@ impl Detector {
                 let half_space = b.shape == ConvexShape::HalfSpace;
                 let reach = a.shape.bounding_radius() + b.shape.bounding_radius();
                 let part = bounds::part([a, b]);
-                let of_robot = a.owner.is_robot() || b.owner.is_robot();
-                Pair { index, first, second, reach, half_space, of_robot, part, until: f64::NEG_INFINITY }
+                let parties = Parties::of(a.owner, b.owner);
+                Pair { index, first, second, reach, half_space, parties, part, until: f64::NEG_INFINITY }
             })
             .collect();
         pairs.sort_unstable_by_key(|pair| (pair.first, pair.second));
@@ -267,13 +268,13 @@ impl Detector {
         terrain::clearance(colliders, articulation, &self.distances)
     }
 
-    /// Finds all contact points of robots closer than `least` \[m\], and those of anything that may touch within `h` \[s\]. Between colliders that do
+    /// Finds all contact points closer than the `least` distance of their parties \[m\], and those that may touch within `h` \[s\]. Between colliders that do
     /// not move in this integration step they are those found last.
-    pub(crate) fn detect(&mut self, all: &Colliders, h: f64, least: f64) -> &[ContactPoint] {
+    pub(crate) fn detect(&mut self, all: &Colliders, h: f64, least: Least) -> &[ContactPoint] {
         let Self { pairs, near, points, earlier, moving, most, distances, motions, .. } = self;
         core::mem::swap(points, earlier);
         points.clear();
-        near.update(pairs, distances, motions, (h, least));
+        near.update(pairs, distances, motions, (h, least.robots.max(least.grasps)));
         let moves = |index: usize| moving[index] == Motion::Moves;
         let done = |index: usize| moving[index] == Motion::Done;
         for &index in near.list() {
@@ -282,7 +283,7 @@ impl Detector {
                 continue;
             }
             let (way, speed) = motions.of_pair(pair.part, pair.first, pair.second);
-            let margin = margin(h, speed).max(if pair.of_robot { least } else { 0.0 });
+            let margin = margin(h, speed).max(least.of(pair.parties));
             if pair.until - way > margin {
                 continue;
             }
@@ -313,7 +314,7 @@ impl Detector {
                 + way
                 - ROUNDING;
         }
-        let near = |speed, of_robot: bool| margin(h, speed).max(if of_robot { least } else { 0.0 });
+        let near = |speed, owner| margin(h, speed).max(least.of(Parties::of(owner, Owner::World)));
         terrain::detect((all, moving), distances, motions, near, &mut |point| keep((points, *most), point));
         for point in earlier.iter().filter(|point| !moves(point.colliders.0) && !moves(point.colliders.1)) {
             keep((points, *most), ContactPoint { kept: true, ..*point });

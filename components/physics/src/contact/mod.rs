@@ -20,6 +20,7 @@ mod narrow;
 mod near_pairs;
 mod newton;
 mod objects;
+mod parties;
 mod scene;
 mod site;
 mod sums;

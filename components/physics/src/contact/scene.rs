@@ -7,6 +7,7 @@ use super::colliders::{Collider, Colliders, Owner};
 use super::detect::{ContactPoint, Detector, DetectorState, Motion};
 use super::impulses::{Impulses, Known};
 use super::objects::{FreeBody, Objects};
+use super::parties::Least;
 use super::sums::ImpulseSums;
 use crate::robot::{Articulation, Robot};
 use crate::{Surface, World};
@@ -22,7 +23,7 @@ pub(crate) struct ContactScene {
     /// Length of the next integration step of each articulation and each object that moves \[s\]; zero where its step is
     /// over.
     lengths: Vec<f64>,
-    /// Robots near a contact, and what is near them, which take the steps of contacts.
+    /// Robots that may hold something, and all that they may hold, which take the steps of grasps.
     near: Vec<bool>,
     /// Number of integration steps of the present step.
     steps: usize,
@@ -30,7 +31,7 @@ pub(crate) struct ContactScene {
     sleeping: bool,
 }
 
-/// Closer than this to a contact, contacts decide the length of the integration steps of a robot \[m\].
+/// Closer than this to what a robot may hold, contacts decide the length of its integration steps \[m\].
 const NEAR: f64 = 0.010;
 
 /// The state of a [`ContactScene`] that later steps depend on.
@@ -100,14 +101,14 @@ impl ContactScene {
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
-    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and the robots so near to one that they take the
-    /// integration steps of contacts, with all that they may touch. Returns the larger number of integration steps of those there are, `far` from
+    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and the robots so near to an object or to another
+    /// robot that they take the integration steps of contacts, with all that they may touch. Returns the larger number of integration steps of those there are, `far` from
     /// contacts or near.
     pub(crate) fn begin(&mut self, dt: f64, gravity: &Vector3<f64>, [far, near]: [usize; 2]) -> usize {
         self.objects.feel(gravity);
         self.lengths.fill(dt);
         self.set_moving();
-        self.detector.detect(&self.colliders, dt, NEAR);
+        self.detector.detect(&self.colliders, dt, Least { grasps: NEAR, ..Least::default() });
         self.impulses.sort(self.detector.points());
         self.impulses.find_near(self.detector.points(), NEAR, &mut self.near);
         let asleep = |body: usize| self.objects.is_asleep(body.checked_sub(self.articulations));
@@ -216,10 +217,10 @@ impl ContactScene {
         self.detector.above_terrain(&self.colliders, articulation)
     }
 
-    /// The contact points within `least` \[m\] and those that may touch within `h` \[s\], as all was placed last. Those of
+    /// The contact points of robots within `least` \[m\] and those of anything that may touch within `h` \[s\], as all was placed last. Those of
     /// the last step are dropped.
     pub(crate) fn detect(&mut self, h: f64, least: f64) -> &[ContactPoint] {
-        self.detector.detect(&self.colliders, h, least)
+        self.detector.detect(&self.colliders, h, Least { robots: least, grasps: least })
     }
 
     /// All that later steps depend on.

@@ -7,12 +7,12 @@ use nalgebra::Vector3;
 use super::site::{Mobility, Side, Site};
 
 /// Largest number of sweeps.
-const SWEEPS: usize = 50;
+const SWEEPS: usize = 30;
 
 /// Change of a velocity \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest that an impulse makes
 /// at its own point, as in impacts.
 const SETTLED: f64 = 1e-6;
-const SETTLED_SHARE: f64 = 1e-5;
+const SETTLED_SHARE: f64 = 1e-4;
 
 /// Half solutions of the contact points on articulations.
 #[derive(Clone, Copy)]

@@ -83,8 +83,6 @@ pub(crate) struct Impulses {
     islands: Islands,
     /// Islands that are to be solved.
     pending: Vec<bool>,
-    /// Islands of robots with a contact point that is near.
-    close: Vec<bool>,
     cone: ConeSolver,
     /// Keys of the contact points, and the lengths of their integration steps \[s\].
     keys: Vec<(u64, f64)>,
@@ -132,7 +130,6 @@ impl Impulses {
             room: Room::new(most, n, objects),
             islands: Islands::new(articulations.len() + objects, most),
             pending: Vec::with_capacity(most),
-            close: Vec::with_capacity(most),
             cone: ConeSolver::new(most.min(DENSE)),
             keys: Vec::with_capacity(most),
             last: Vec::with_capacity(most),

@@ -15,24 +15,19 @@ impl Impulses {
         self.islands.find(of_points.chain(couples.map(|point| bodies_of(point, articulations))));
     }
 
-    /// Finds the bodies of islands with a robot and a contact point nearer than `least` \[m\], as points were sorted last.
+    /// Finds the bodies of islands in which a robot is nearer than `least` \[m\] to what it may hold, as points were sorted last.
     pub(crate) fn find_near(&mut self, points: &[ContactPoint], least: f64, near: &mut [bool]) {
         self.pending.clear();
         self.pending.resize(self.islands.count(), false);
-        for articulation in 0..self.parts.len() {
-            if let Some(island) = self.islands.of_body(articulation) {
+        let grasps =
+            points.iter().enumerate().filter(|(_, point)| point.distance < least && point.is_grasp());
+        for (index, _) in grasps {
+            if let Some(island) = self.islands.island(index) {
                 self.pending[island] = true;
             }
         }
-        self.close.clear();
-        self.close.resize(self.islands.count(), false);
-        for (index, _) in points.iter().enumerate().filter(|(_, point)| point.distance < least) {
-            if let Some(island) = self.islands.island(index) {
-                self.close[island] = self.pending[island];
-            }
-        }
         for (body, near) in near.iter_mut().enumerate() {
-            *near = self.islands.of_body(body).is_some_and(|island| self.close[island]);
+            *near = self.islands.of_body(body).is_some_and(|island| self.pending[island]);
         }
     }
 
