@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use super::site::{Mobility, Side, Site};
 
 /// Largest number of sweeps.
-const SWEEPS: usize = 30;
+const SWEEPS: usize = 50;
 
 /// Change of a velocity \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest that an impulse makes
 /// at its own point, as in impacts.
