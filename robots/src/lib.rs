@@ -106,4 +106,4 @@ pub use urdf::{
     MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,
     parse_urdf_with, pinocchio_joint_order,
 };
-pub use world::{Ground, Object, ObjectShape, World, WorldError};
+pub use world::{Conveyor, Ground, Object, ObjectShape, World, WorldError};

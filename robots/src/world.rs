@@ -1,21 +1,28 @@
 //! The world around the robot, as a file describes it.
 
+mod things;
+
 use std::path::Path;
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::nearest::suggestion;
-use crate::{Appearance, ConvexShape, Geometry, HeightField, Terrain, TerrainError};
+use crate::{Appearance, HeightField, Terrain, TerrainError};
+pub use things::{Conveyor, Ground, Object, ObjectShape};
 
-/// Gravity, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in kilograms; poses in the
+/// Gravity, air, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in kilograms; poses in the
 /// world, which is the base frame of the robot, z up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct World {
     /// Acceleration of free fall (m/s2).
     pub gravity: [f64; 3],
+    /// Velocity of the air (m/s). It pushes objects that have a `drag`. Default: it stands still.
+    pub wind: [f64; 3],
+    /// Density of the air (kg/m3). Default 1.225, that at sea level and 15 degrees Celsius.
+    #[schemars(range(min = 0.0))]
+    pub air_density: f64,
     /// A horizontal plane. Default: no ground.
     pub ground: Option<Ground>,
     /// An uneven ground, instead of the plane.
@@ -27,146 +34,16 @@ pub struct World {
 }
 
 impl Default for World {
-    /// Earth's gravity, no ground, no objects.
+    /// Earth's gravity, air that stands still, no ground, no objects.
     fn default() -> Self {
         Self {
             gravity: [0.0, 0.0, -9.81],
+            wind: [0.0; 3],
+            air_density: 1.225,
             ground: None,
             terrain: None,
             objects: Vec::new(),
             appearance: Appearance::default(),
-        }
-    }
-}
-
-/// A horizontal plane, solid below.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Ground {
-    /// Height of the plane (m).
-    pub height: f64,
-    /// Coefficient of friction. That of a contact is the mean of both surfaces'.
-    #[schemars(range(min = 0.0))]
-    pub friction: f64,
-    /// Share of the approach speed kept after an impact, from 0 to 1. That of a contact is the mean of both surfaces'.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub restitution: f64,
-}
-
-impl Default for Ground {
-    fn default() -> Self {
-        Self { height: 0.0, friction: 0.8, restitution: 0.0 }
-    }
-}
-
-/// An object.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Object {
-    /// Name, unique in the world; neither `ground` nor `terrain` nor that of a robot link.
-    pub name: String,
-    /// Its shape, centred on its origin, of uniform density.
-    pub shape: ObjectShape,
-    /// Mass (kg). Without it the object is fixed.
-    #[serde(default)]
-    #[schemars(range(min = 0.0))]
-    pub mass: Option<f64>,
-    /// Position of its centre (m).
-    pub position: [f64; 3],
-    /// Orientation: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
-    #[serde(default)]
-    pub rpy: [f64; 3],
-    /// Coefficient of friction. That of a contact is the mean of both surfaces'.
-    #[serde(default = "default_friction")]
-    #[schemars(range(min = 0.0))]
-    pub friction: f64,
-    /// Share of the approach speed kept after an impact, from 0 to 1. That of a contact is the mean of both surfaces'.
-    #[serde(default)]
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub restitution: f64,
-}
-
-fn default_friction() -> f64 {
-    0.8
-}
-
-/// Shapes of objects.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum ObjectShape {
-    /// A box.
-    Box {
-        /// Full sides along x, y and z (m).
-        size: [f64; 3],
-    },
-    /// A sphere.
-    Sphere {
-        /// Radius (m).
-        radius: f64,
-    },
-    /// A cylinder along z.
-    Cylinder {
-        /// Radius (m).
-        radius: f64,
-        /// Full length (m).
-        length: f64,
-    },
-}
-
-impl Object {
-    /// Pose of the object at the start.
-    pub fn pose(&self) -> Isometry3<f64> {
-        let [roll, pitch, yaw] = self.rpy;
-        Isometry3::from_parts(
-            Translation3::from(self.position),
-            UnitQuaternion::from_euler_angles(roll, pitch, yaw),
-        )
-    }
-
-    /// True when it has a mass, and so moves.
-    pub fn is_dynamic(&self) -> bool {
-        self.mass.is_some()
-    }
-}
-
-impl ObjectShape {
-    /// Principal moments of inertia of `mass` \[kg\] spread evenly over the shape, about its centre \[kg m2\].
-    pub fn principal_inertia(&self, mass: f64) -> Vector3<f64> {
-        match *self {
-            Self::Box { size: [x, y, z] } => {
-                Vector3::new(y * y + z * z, x * x + z * z, x * x + y * y) * (mass / 12.0)
-            }
-            Self::Sphere { radius } => Vector3::from_element(0.4 * mass * radius * radius),
-            Self::Cylinder { radius, length } => {
-                let across = mass * (3.0 * radius * radius + length * length) / 12.0;
-                Vector3::new(across, across, 0.5 * mass * radius * radius)
-            }
-        }
-    }
-
-    /// The shape as that of a collision model.
-    pub fn geometry(&self) -> Geometry {
-        match *self {
-            Self::Box { size } => Geometry::Box { size: Vector3::from(size) },
-            Self::Sphere { radius } => Geometry::Sphere { radius },
-            Self::Cylinder { radius, length } => Geometry::Cylinder { radius, length },
-        }
-    }
-
-    /// The shape as a convex one.
-    pub fn convex_shape(&self) -> ConvexShape {
-        match *self {
-            Self::Box { size } => ConvexShape::Box { half: Vector3::from(size) * 0.5 },
-            Self::Sphere { radius } => ConvexShape::Sphere { radius },
-            Self::Cylinder { radius, length } => ConvexShape::Cylinder { radius, half_length: 0.5 * length },
-        }
-    }
-
-    fn dimensions(&self) -> [(&'static str, f64); 3] {
-        match *self {
-            Self::Box { size: [x, y, z] } => [("size", x), ("size", y), ("size", z)],
-            Self::Sphere { radius } => [("radius", radius); 3],
-            Self::Cylinder { radius, length } => [("radius", radius), ("length", length), ("length", length)],
         }
     }
 }
@@ -246,9 +123,14 @@ impl World {
         for value in self.gravity {
             finite("world", "gravity", value)?;
         }
+        for value in self.wind {
+            finite("world", "wind", value)?;
+        }
+        from_zero("world", "air_density", self.air_density)?;
         if let Some(ground) = &self.ground {
             finite("ground", "height", ground.height)?;
-            surface("ground", ground.friction, ground.restitution)?;
+            let frictions = [ground.friction, ground.torsional_friction, ground.rolling_friction];
+            surface("ground", frictions, ground.restitution, ground.conveyor)?;
         }
         if self.ground.is_some() && self.terrain.is_some() {
             return Err(WorldError::TwoGrounds);
@@ -281,7 +163,9 @@ impl World {
             if let Some(mass) = object.mass {
                 positive(name, "mass", mass)?;
             }
-            surface(name, object.friction, object.restitution)?;
+            from_zero(name, "drag", object.drag)?;
+            let frictions = [object.friction, object.torsional_friction, object.rolling_friction];
+            surface(name, frictions, object.restitution, object.conveyor)?;
         }
         self.appearance.check(self)
     }
@@ -305,7 +189,22 @@ fn positive(owner: &str, field: &'static str, value: f64) -> Result<(), WorldErr
     check(owner, field, value, value.is_finite() && value > 0.0, "a positive number")
 }
 
-fn surface(owner: &str, friction: f64, restitution: f64) -> Result<(), WorldError> {
-    check(owner, "friction", friction, friction.is_finite() && friction >= 0.0, "a number from 0 up")?;
-    check(owner, "restitution", restitution, (0.0..=1.0).contains(&restitution), "a number from 0 to 1")
+fn from_zero(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
+    check(owner, field, value, value.is_finite() && value >= 0.0, "a number from 0 up")
+}
+
+fn surface(
+    owner: &str,
+    [friction, torsional, rolling]: [f64; 3],
+    restitution: f64,
+    conveyor: Option<Conveyor>,
+) -> Result<(), WorldError> {
+    from_zero(owner, "friction", friction)?;
+    from_zero(owner, "torsional_friction", torsional)?;
+    from_zero(owner, "rolling_friction", rolling)?;
+    check(owner, "restitution", restitution, (0.0..=1.0).contains(&restitution), "a number from 0 to 1")?;
+    for value in conveyor.iter().flat_map(|conveyor| conveyor.velocity) {
+        finite(owner, "conveyor.velocity", value)?;
+    }
+    Ok(())
 }

@@ -130,8 +130,7 @@ fn table_top() -> World {
         mass: None,
         position,
         rpy: [0.1 * index as f64, 0.2, 0.3],
-        friction: 0.8,
-        restitution: 0.0,
+        ..Object::default()
     };
     let mut random = Random(9);
     let objects = (0..12).map(|index| {

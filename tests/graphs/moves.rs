@@ -86,3 +86,21 @@ fn a_panda_puts_a_cube_into_a_bin_and_twice_to_the_same_bit() {
     }
     assert_eq!(runs[0].report().state_hash, runs[1].report().state_hash);
 }
+
+#[test]
+fn a_cube_that_a_belt_brings_ends_in_the_bin_and_a_ball_where_its_rolling_friction_stops_it() {
+    let _machine = machine();
+    let ended = whole("conveyor.toml", &[]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let objects = &ended.report().results["physics"]["objects"];
+    assert_eq!(objects["cube"]["touching"][0], "bin", "{objects}");
+    // Down 0.497 m of ramp with g (sin a - cos a b / r) / 1.4, round the corner with (cos a + 0.4) / 1.4 of the speed, and on for
+    // 0.7 r v^2 / (b g).
+    let (angle, radius, arm, g) = (0.2_f64, 0.04, 0.002, 9.81);
+    let squared = 2.0 * 0.497 * g * (angle.sin() - angle.cos() * arm / radius) / 1.4;
+    let expected = 0.7 * radius * squared * ((angle.cos() + 0.4) / 1.4).powi(2) / (arm * g);
+    let travelled = objects["ball"]["position"][0].as_f64().expect("a number") + 1.099;
+    assert!((travelled - expected).abs() < 0.03 * expected, "{travelled} m, expected {expected} m");
+    assert!(objects["ball"]["speed"].as_f64().expect("a number") < 1e-3, "{objects}");
+    assert_nothing_allocates(&ended);
+}

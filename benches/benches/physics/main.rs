@@ -1,6 +1,8 @@
 //! Time of one simulated millisecond, for robots of the catalogue and a pile of boxes; with `--peers` beside MuJoCo and
-//! PyBullet, turn by turn in one run.
+//! PyBullet, turn by turn in one run. Then the steps a second of a batch, and the energy of motions without losses.
 
+mod batch;
+mod energy;
 mod peers;
 mod scenes;
 
@@ -15,13 +17,22 @@ const STEPS: usize = 25;
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let chosen: Vec<&String> = arguments.iter().filter(|argument| !argument.starts_with("--")).collect();
-    let mut scenes =
-        scenes(|scene| chosen.is_empty() || chosen.iter().any(|name| scene.contains(name.as_str())));
+    let wanted = |scene: &str| chosen.is_empty() || chosen.iter().any(|name| scene.contains(name.as_str()));
+    let mut scenes = scenes(wanted);
     let compared = arguments.iter().any(|argument| argument == "--peers");
     println!("us per step of 1 ms: minimum / median / 99 % of {TURNS} turns of {STEPS} steps");
-    if !compared {
+    let mut result = Ok(());
+    if compared {
+        result = peers::compare(&mut scenes);
+    } else {
         alone(&mut scenes);
-    } else if let Err(error) = peers::compare(&mut scenes) {
+    }
+    for (name, print) in [(batch::NAME, batch::print as fn(bool) -> _), (energy::NAME, energy::print)] {
+        if wanted(name) {
+            result = result.and_then(|()| print(compared));
+        }
+    }
+    if let Err(error) = result {
         eprintln!("no peers: {error}");
         std::process::exit(1);
     }

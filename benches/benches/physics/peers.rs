@@ -2,7 +2,7 @@
 //! our own. What it times are calls into their libraries of [`STEPS`] steps each.
 
 use std::io::{BufRead, BufReader, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
 use crate::scenes::Scene;
@@ -15,12 +15,10 @@ const INSTALL: &str = "pip install mujoco pybullet numpy in a virtual environmen
 pub(crate) fn compare(scenes: &mut [Scene]) -> Result<(), String> {
     println!("{:<24} {:>23} {:>23} {:>23} {:>9}", "scene", "motorium", "mujoco", "pybullet", "to mujoco");
     for scene in scenes {
-        let robot = scene.robot.unwrap_or("pendulum");
-        let urdf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/catalogue").join(robot);
-        let urdf = urdf.join(robot).with_extension("urdf");
+        let urdf = urdf(scene.robot.unwrap_or("pendulum"));
         let mut peers = ["mujoco", "pybullet"]
             .into_iter()
-            .map(|engine| Peer::start(engine, scene, &urdf))
+            .map(|engine| Peer::start(engine, scene.motion.word(), scene.boxes, &urdf))
             .collect::<Result<Vec<_>, _>>()?;
         let mut ours = Vec::with_capacity(TURNS);
         let mut theirs = vec![Vec::with_capacity(TURNS); peers.len()];
@@ -51,18 +49,26 @@ pub(crate) fn compare(scenes: &mut [Scene]) -> Result<(), String> {
     Ok(())
 }
 
-struct Peer {
+/// The URDF of a robot of the catalogue.
+pub(crate) fn urdf(robot: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/catalogue").join(robot);
+    folder.join(robot).with_extension("urdf")
+}
+
+/// A peer's simulation behind a pipe.
+pub(crate) struct Peer {
     process: Child,
     questions: ChildStdin,
     answers: BufReader<ChildStdout>,
 }
 
 impl Peer {
-    fn start(engine: &str, scene: &Scene, urdf: &Path) -> Result<Self, String> {
+    /// Starts the driver with a motion, so many boxes (or robots), and a robot.
+    pub(crate) fn start(engine: &str, motion: &str, boxes: usize, urdf: &Path) -> Result<Self, String> {
         let python = std::env::var_os("MOTORIUM_PEERS_PYTHON").unwrap_or_else(|| "python3".into());
         let mut process = Command::new(python)
             .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("peers/physics.py"))
-            .args([engine, scene.motion.word(), &STEPS.to_string(), &scene.boxes.to_string()])
+            .args([engine, motion, &STEPS.to_string(), &boxes.to_string()])
             .arg(urdf)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -87,8 +93,8 @@ impl Peer {
         Ok(line)
     }
 
-    /// Microseconds per step, or `None` where the engine cannot do the scene.
-    fn turn(&mut self) -> Result<Option<f64>, String> {
+    /// Microseconds per step, or what else the motion has it tell; `None` where the engine cannot do the scene.
+    pub(crate) fn turn(&mut self) -> Result<Option<f64>, String> {
         writeln!(self.questions, "turn").map_err(|error| format!("the driver is gone: {error}"))?;
         let line = self.line()?;
         if line.trim() == "cannot" {

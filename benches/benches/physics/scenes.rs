@@ -16,6 +16,8 @@ pub(crate) enum Motion {
     Hold,
     /// As `Hold`, and the robot falls for ever.
     Fall,
+    /// Boxes fall into a pile, from the start again every 1000 steps.
+    Drop,
 }
 
 impl Motion {
@@ -25,6 +27,7 @@ impl Motion {
             Self::Swing => "swing",
             Self::Hold => "hold",
             Self::Fall => "fall",
+            Self::Drop => "drop",
         }
     }
 }
@@ -59,9 +62,14 @@ pub(crate) fn scenes(chosen: impl Fn(&str) -> bool) -> Vec<Scene> {
     let robots = SCENES.into_iter().filter(|(name, ..)| chosen(name));
     let mut scenes: Vec<_> =
         robots.map(|(name, robot, motion)| Scene::of_robot(name, robot, motion)).collect();
-    for (name, boxes) in [("20 boxes", 20), ("100 boxes", 100)] {
+    for (name, boxes, motion) in [
+        ("20 boxes, falling", 20, Motion::Drop),
+        ("100 boxes, falling", 100, Motion::Drop),
+        ("20 boxes", 20, Motion::Hold),
+        ("100 boxes", 100, Motion::Hold),
+    ] {
         if chosen(name) {
-            scenes.push(Scene::of_boxes(name, boxes));
+            scenes.push(Scene::of_boxes(name, boxes, motion));
         }
     }
     scenes
@@ -89,7 +97,7 @@ impl Scene {
     }
 
     /// A pile beside a pendulum that hangs far above.
-    fn of_boxes(name: &'static str, boxes: usize) -> Self {
+    fn of_boxes(name: &'static str, boxes: usize, motion: Motion) -> Self {
         let loaded = load("pendulum", Path::new(".")).expect("the catalogue's robots load");
         let objects = (0..boxes)
             .map(|index| {
@@ -106,11 +114,11 @@ impl Scene {
                     ],
                     rpy: [0.1 * angle, 0.05, 0.2 * layer as f64],
                     friction: 0.6,
-                    restitution: 0.0,
+                    ..Object::default()
                 }
             })
             .collect();
-        let ground = Some(Ground { height: -5.0, friction: 0.6, restitution: 0.0 });
+        let ground = Some(Ground { height: -5.0, friction: 0.6, restitution: 0.0, ..Ground::default() });
         let world = World { ground, objects, ..World::default() };
         // The peers' boxes do not sleep either.
         let options = Options { sleeping: false, ..Options::default() };
@@ -119,19 +127,24 @@ impl Scene {
         let mut scene = Self {
             name,
             robot: None,
-            motion: Motion::Hold,
+            motion,
             boxes,
             simulation,
             home: vec![0.0],
             gains: vec![(0.0, 0.1)],
             steps: 0,
         };
-        scene.advance(1000);
+        if motion == Motion::Hold {
+            scene.advance(1000);
+        }
         scene
     }
 
     /// Simulates so many milliseconds; the goals of the joints are set once, at the first.
     pub(crate) fn advance(&mut self, steps: usize) {
+        if self.motion == Motion::Drop && self.steps > 0 && self.steps.is_multiple_of(1000) {
+            self.simulation.reset(&[0.0], &[0.0]).expect("the state it was built in");
+        }
         let swing = if self.motion == Motion::Swing { 0.15 * (2e-3 * self.steps as f64).sin() } else { 0.0 };
         let commands = self.simulation.commands_mut().iter_mut();
         for ((command, home), (kp, kd)) in commands.zip(&self.home).zip(&self.gains) {

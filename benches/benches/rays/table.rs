@@ -79,8 +79,7 @@ fn world() -> World {
         mass: None,
         position,
         rpy: [0.0, 0.0, turn],
-        friction: 0.8,
-        restitution: 0.0,
+        ..Object::default()
     };
     let table =
         object("table".to_owned(), ObjectShape::Box { size: [1.2, 1.6, 0.04] }, [0.8, 0.0, 0.18], 0.0);

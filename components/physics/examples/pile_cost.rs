@@ -60,10 +60,10 @@ fn pile(count: usize, sleeping: bool) -> Result<ArticulatedSimulator, Box<dyn st
             position: [5.0 + 0.12 * angle.cos(), 0.12 * angle.sin(), -5.0 + 0.06 + 0.15 * layer as f64],
             rpy: [0.1 * angle, 0.05, 0.2 * layer as f64],
             friction: 0.6,
-            restitution: 0.0,
+            ..Object::default()
         }
     });
-    let ground = Some(Ground { height: -5.0, friction: 0.6, restitution: 0.0 });
+    let ground = Some(Ground { height: -5.0, friction: 0.6, restitution: 0.0, ..Ground::default() });
     let world = World { ground, objects: objects.collect(), ..World::default() };
     let pendulum = load("pendulum", Path::new("."))?.model;
     Ok(ArticulatedSimulator::new(pendulum, world, &[0.0], Options { sleeping, ..Options::default() })?)

@@ -31,9 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         shape: ObjectShape::Box { size: [0.05; 3] },
         mass: Some(0.1),
         position: [0.9, 0.0, 0.025],
-        rpy: [0.0; 3],
-        friction: 0.8,
-        restitution: 0.0,
+        ..Object::default()
     };
     let with_cube = World { objects: vec![cube.clone()], ..ground.clone() };
     // Under the hand, so that the contact solver is always at work.
@@ -76,9 +74,7 @@ fn with_block() -> Result<World, Box<dyn std::error::Error>> {
         shape: ObjectShape::Box { size: [0.3, 0.3, height] },
         mass: None,
         position: [tip.x, tip.y, 0.5 * height],
-        rpy: [0.0; 3],
-        friction: 0.8,
-        restitution: 0.0,
+        ..Object::default()
     };
     Ok(World { ground: Some(Ground::default()), objects: vec![block], ..World::default() })
 }

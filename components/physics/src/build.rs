@@ -3,7 +3,7 @@
 use motorium_robots::{ActuatorError, Model};
 
 use crate::joint::JointProperties;
-use crate::{LibraryError, Options, ResetError, RobotSetup, WorldError};
+use crate::{Capabilities, LibraryError, Options, ResetError, RobotSetup, World, WorldError};
 
 /// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -40,6 +40,19 @@ pub enum BuildError {
     /// A terrain with the rapier engine.
     #[error("the rapier engine simulates no terrain; use `physics.articulated` (`ArticulatedSimulator`)")]
     Terrain,
+    /// The world has something that the engine cannot simulate.
+    #[error(
+        "the {engine} engine simulates no {ability}, which \"{owner}\" of the world has; use `physics.articulated` \
+         (`ArticulatedSimulator`)"
+    )]
+    Unable {
+        /// The engine.
+        engine: &'static str,
+        /// What it cannot simulate.
+        ability: &'static str,
+        /// The object, `ground` or `terrain`.
+        owner: String,
+    },
     /// The library of the MuJoCo engine is not there.
     #[error(transparent)]
     Library(#[from] LibraryError),
@@ -144,6 +157,39 @@ pub enum BuildWarning {
 }
 
 impl BuildError {
+    /// Refuses what an engine of these abilities cannot simulate.
+    pub(crate) fn check_abilities(
+        engine: &'static str,
+        Capabilities { rolling_friction, conveyors, .. }: Capabilities,
+        world: &World,
+    ) -> Result<(), Self> {
+        let objects = world.objects.iter().map(|object| {
+            (
+                object.name.as_str(),
+                [object.torsional_friction, object.rolling_friction],
+                object.conveyor.is_some(),
+            )
+        });
+        let ground = world.ground.iter().map(|ground| {
+            ("ground", [ground.torsional_friction, ground.rolling_friction], ground.conveyor.is_some())
+        });
+        let terrain = world
+            .terrain
+            .iter()
+            .map(|terrain| ("terrain", [terrain.torsional_friction, terrain.rolling_friction], false));
+        for (owner, [torsional, rolling], conveyor) in ground.chain(terrain).chain(objects) {
+            let wants = [
+                (torsional > 0.0 && !rolling_friction, "torsional friction"),
+                (rolling > 0.0 && !rolling_friction, "rolling friction"),
+                (conveyor && !conveyors, "conveyor"),
+            ];
+            if let Some((_, ability)) = wants.into_iter().find(|(missing, _)| *missing) {
+                return Err(Self::Unable { engine, ability, owner: owner.to_owned() });
+            }
+        }
+        Ok(())
+    }
+
     /// Refuses robots that share a name of a link or a joint.
     pub(crate) fn check_names(setups: &[RobotSetup]) -> Result<(), Self> {
         if setups.is_empty() {

@@ -8,6 +8,7 @@
 //! [`ArticulatedPhysics`] (`physics.articulated`), [`RapierPhysics`] (`physics.rapier`) and [`MujocoPhysics`]
 //! (`physics.mujoco`) are the components of a graph; they alone know the runtime.
 
+mod air;
 mod articulated;
 mod batch;
 mod build;
@@ -39,7 +40,7 @@ pub use component::{
 };
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
-pub use motorium_robots::{Ground, Object, ObjectShape, Terrain, TerrainLayer, World, WorldError};
+pub use motorium_robots::{Conveyor, Ground, Object, ObjectShape, Terrain, TerrainLayer, World, WorldError};
 pub use mujoco::{LibraryError, Mujoco, MujocoSimulator};
 pub use options::Options;
 pub use properties::{Properties, Surface};

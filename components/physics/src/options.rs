@@ -7,13 +7,12 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Integration steps per step while nothing is within a centimetre of a contact, 1 to 100, default 1. One is
-    /// enough at 1 kHz: the drives are implicit, so more only refine the integration. Rapier takes 1 only: it always
+    /// Integration steps per step of all that takes no `contact_iterations`, 1 to 100, default 1. One is enough at 1 kHz: the drives are implicit, so more only refine the integration. Rapier takes 1 only: it always
     /// does `contact_iterations` steps.
     #[schemars(range(min = 1, max = 100))]
     pub substeps: usize,
-    /// Integration steps per step while something is within a centimetre of a contact, 1 to 100, default 2. Two hold
-    /// a grasp; more follow fast impacts better, at the cost of as many solutions of the contact problem.
+    /// Integration steps per step of a robot within a centimetre of an object that moves or of another robot, and of all that
+    /// touches it then, 1 to 100, default 2. Two hold a grasp; more follow fast impacts better, at the cost of as many solutions of the contact problem.
     #[schemars(range(min = 1, max = 100))]
     pub contact_iterations: usize,
     /// Contacts between links of the robot, default true. Links that share a joint or a parent, and links that start

@@ -18,6 +18,9 @@ pub trait Engine: Sized {
     /// All of the engine's state that later steps depend on.
     type State: Send + Sync + 'static;
 
+    /// Its name in messages.
+    const NAME: &'static str;
+
     /// The abilities of the engine.
     const CAPABILITIES: Capabilities;
 
@@ -167,6 +170,7 @@ impl<E: Engine> Simulation<E> {
         options.check()?;
         let frames = setups.iter().flat_map(|setup| setup.model.frames());
         world.check(frames.map(|frame| frame.name.as_str()))?;
+        BuildError::check_abilities(E::NAME, E::CAPABILITIES, &world)?;
         let robot = Robot::new(&setups, &options, Vector3::from(world.gravity));
         let mut warnings = Vec::new();
         let engine = E::build(&setups, &robot, &world, &options, &mut warnings)?;

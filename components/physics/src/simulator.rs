@@ -58,6 +58,10 @@ pub struct Capabilities {
     pub floating_bases: bool,
     /// No step allocates after the first.
     pub allocation_free: bool,
+    /// Torsional and rolling friction.
+    pub rolling_friction: bool,
+    /// Surfaces that move along themselves.
+    pub conveyors: bool,
 }
 
 /// A state of a simulator with all that its next steps depend on, warm starts included.

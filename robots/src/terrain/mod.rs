@@ -72,6 +72,14 @@ pub struct Terrain {
     #[serde(default = "default_friction")]
     #[schemars(range(min = 0.0))]
     pub friction: f64,
+    /// Coefficient of torsional friction (m): the torque about the normal against spinning, per normal force. Default 0.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub torsional_friction: f64,
+    /// Coefficient of rolling friction (m): the torque against rolling, per normal force. Default 0.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub rolling_friction: f64,
     /// Share of the approach speed kept after an impact, from 0 to 1. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -192,6 +200,8 @@ impl Terrain {
         }
         let shares = [
             ("friction", self.friction, f64::MAX),
+            ("torsional_friction", self.torsional_friction, f64::MAX),
+            ("rolling_friction", self.rolling_friction, f64::MAX),
             ("restitution", self.restitution, 1.0),
             ("flat", self.flat, 1e6),
         ];

@@ -73,6 +73,10 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 /// contact, as between crossing edges, the nearest points of the two colliders are used. Two boxes touch at the corners of the
 /// patch that their faces share, or where two edges cross.
 ///
+/// Torques against spinning about the normal of a contact and against rolling about its tangents are part of the same problem, each
+/// at most its coefficient times the normal force. The surface of a conveyor takes along what it touches. The drag of the air on free
+/// objects is that at the end of the step.
+///
 /// Objects that have stood still for half a second sleep, and with them all that they touch, until something reaches them.
 ///
 /// In the air, the linear and angular momentum of a floating robot is conserved to rounding: after each integration
@@ -122,7 +126,10 @@ struct PartState {
 impl Engine for Articulated {
     type State = ArticulatedState;
 
-    const CAPABILITIES: Capabilities = Capabilities { floating_bases: true, allocation_free: true };
+    const NAME: &'static str = "articulated";
+
+    const CAPABILITIES: Capabilities =
+        Capabilities { floating_bases: true, allocation_free: true, rolling_friction: true, conveyors: true };
 
     fn build(
         setups: &[RobotSetup],

@@ -19,8 +19,8 @@ use crate::{Articulated, ArticulatedSimulator, Engine, Mujoco, Rapier, RobotSetu
 pub(super) struct Built<E> {
     pub(super) simulation: Simulation<E>,
     pub(super) robots: Vec<BuiltRobot>,
-    /// A floating base that starts on the ground, wherever that is.
-    pub(super) on_ground: bool,
+    /// Articulations whose floating base starts on the ground, wherever that is.
+    pub(super) on_ground: Vec<usize>,
 }
 
 /// One robot of a simulation.
@@ -109,8 +109,8 @@ fn one<E: PhysicsEngine>(
     let q = config::configuration(&loaded.model, &base.unwrap_or(above), &joints);
     let mut simulation =
         Simulation::new(setup, config.world.clone(), &q, config.solver).map_err(config::refused)?;
-    let on_ground = loaded.model.base().floating && base.is_none();
-    E::prepare(&mut simulation, if on_ground { &[0] } else { &[] });
+    let on_ground = if loaded.model.base().floating && base.is_none() { vec![0] } else { Vec::new() };
+    E::prepare(&mut simulation, &on_ground);
     let robot = BuiltRobot { name: None, loaded, articulation: 0, drives: 0..drives };
     Ok(Built { simulation, robots: vec![robot], on_ground })
 }
@@ -170,7 +170,7 @@ fn several<E: PhysicsEngine>(
         articulation,
         drives,
     });
-    Ok(Built { simulation, robots: built.collect(), on_ground: false })
+    Ok(Built { simulation, robots: built.collect(), on_ground: anywhere })
 }
 
 /// Gives each articulation the actuators of its joints.

@@ -263,7 +263,9 @@ pub(super) fn refused(error: BuildError) -> ConfigError {
         BuildError::Actuator { ref joint, ref error } => {
             ConfigError::key(format!("actuators.{joint}.{}", error.setting), message)
         }
-        BuildError::World(_) | BuildError::Terrain => ConfigError::key("world", message),
+        BuildError::World(_) | BuildError::Terrain | BuildError::Unable { .. } => {
+            ConfigError::key("world", message)
+        }
         BuildError::Option { name, .. } => ConfigError::key(format!("solver.{name}"), message),
         BuildError::State(_) => ConfigError::key("position", message),
         BuildError::NoRobot | BuildError::Name { .. } | BuildError::SeveralArticulations => {

@@ -90,11 +90,6 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         }
         // Everything that could be refused later is refused now.
         let built = build::<E>(config, declare.robot(), declare.robots(), declare.folder())?;
-        if built.simulation.articulations().len() > 1 && config.randomise != RandomiseConfig::default() {
-            let message =
-                "draws are for one robot, or for robots with fixed bases, and one of several floats";
-            return Err(ConfigError::key("randomise", message).advise("give the robots a component each"));
-        }
         randomise::declare(&config.randomise, &built, declare)?;
         let Built { simulation, robots, .. } = built;
         Pushes::new(&config.pushes, simulation.articulations())?;

@@ -7,7 +7,7 @@ use motorium_robots::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, HeightField,
     MeshMode, Terrain, TerrainError,
 };
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Vector3};
 
 use crate::robot::Robot;
 use crate::{BuildWarning, Options, RobotSetup, Surface, World};
@@ -53,7 +53,12 @@ pub(crate) struct Collider {
     /// Frame of the shape in that of its owner. Objects that move are placed at the origin of their own frame.
     pub(crate) placement: Isometry3<f64>,
     pub(crate) friction: f64,
+    /// Coefficients of torsional and of rolling friction \[m\].
+    pub(crate) torsional: f64,
+    pub(crate) rolling: f64,
     pub(crate) restitution: f64,
+    /// Velocity of the surface relative to the owner, in the axes of the collider \[m/s\].
+    pub(crate) conveyor: Option<Vector3<f64>>,
 }
 
 /// All colliders, those of robots first, then objects, then the ground or the terrain, and the pairs of them that may touch.
@@ -126,9 +131,16 @@ impl Colliders {
                     }
                     _ => Owner::World,
                 };
+                let mut turning = ([0.0; 2], None);
                 let (friction, restitution) = match (object, &world.ground) {
-                    (Some((_, Some(object))), _) => (object.friction, object.restitution),
-                    (Some((_, None)), Some(ground)) => (ground.friction, ground.restitution),
+                    (Some((_, Some(object))), _) => {
+                        turning = ([object.torsional_friction, object.rolling_friction], object.conveyor);
+                        (object.friction, object.restitution)
+                    }
+                    (Some((_, None)), Some(ground)) => {
+                        turning = ([ground.torsional_friction, ground.rolling_friction], ground.conveyor);
+                        (ground.friction, ground.restitution)
+                    }
                     _ => {
                         let link = model.link(index);
                         let own = |of: fn(&RobotSetup) -> &BTreeMap<String, f64>, all: f64| {
@@ -139,13 +151,17 @@ impl Colliders {
                     }
                 };
                 let moves_freely = matches!(owner, Owner::Object(_));
+                let ([torsional, rolling], conveyor) = turning;
                 Collider {
                     name: model.link(index).to_owned(),
                     owner,
                     shape: model.convex_shape(index),
                     placement: if moves_freely { Isometry3::identity() } else { model.placement(index) },
                     friction,
+                    torsional,
+                    rolling,
                     restitution,
+                    conveyor: conveyor.map(|conveyor| conveyor.velocity.into()),
                 }
             })
             .collect();
@@ -169,7 +185,10 @@ impl Colliders {
                 shape: ConvexShape::HalfSpace,
                 placement: Isometry3::identity(),
                 friction: terrain.friction,
+                torsional: terrain.torsional_friction,
+                rolling: terrain.rolling_friction,
                 restitution: terrain.restitution,
+                conveyor: None,
             });
         }
         let described = world.terrain.clone();
@@ -202,6 +221,11 @@ impl Colliders {
         for (collider, surface) in self.colliders.iter_mut().zip(surfaces) {
             (collider.friction, collider.restitution) = (surface.friction, surface.restitution);
         }
+    }
+
+    /// True where a surface resists rolling or spinning.
+    pub(crate) fn resist_turning(&self) -> bool {
+        self.colliders.iter().any(|collider| collider.torsional > 0.0 || collider.rolling > 0.0)
     }
 
     /// True where both colliders are links of the robot, moving or not.

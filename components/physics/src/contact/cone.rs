@@ -1,6 +1,7 @@
 //! The solver of the contact problem: sweeps over the contact points, and Newton steps over all of them at once.
 
 use super::newton::Newton;
+use super::site::Couple;
 
 /// Compliance of a contact point, relative to the diagonal of W. It makes the forces unique where a rigid robot stands
 /// on more points than determine them.
@@ -27,6 +28,9 @@ const ASTRAY: f64 = 1.0;
 /// within a few rounds, and then converges slowly where points are redundant, as under a flat sole. A Newton step solves
 /// the equations of these modes for all points at once. What a step finds is kept when the next sweep hardly changes it;
 /// either way the solution is one that a sweep confirms.
+///
+/// Torques against rolling and spinning are blocks of their own, of three rows each: `w` is an angular velocity there, and their
+/// bounds grow with the normal impulse of their contact point. Newton steps leave them to the sweeps.
 #[derive(Clone, Debug)]
 pub(crate) struct ConeSolver {
     /// Three times the number of contact points.
@@ -40,6 +44,8 @@ pub(crate) struct ConeSolver {
     pub(super) friction: Vec<f64>,
     /// No impulse moves the point.
     pub(super) immovable: Vec<bool>,
+    /// Of blocks that stand for the torques at a contact point. They follow all contact points.
+    pub(super) couples: Vec<Option<Couple>>,
     answers: Vec<PointAnswer>,
     /// The points that an impulse at each point moves, itself included, ascending, one list after the other.
     coupled: Vec<u32>,
@@ -60,6 +66,7 @@ impl ConeSolver {
             target: vec![0.0; most],
             friction: vec![0.0; most],
             immovable: vec![false; most],
+            couples: vec![None; most],
             answers: vec![PointAnswer::NONE; most],
             coupled: Vec::with_capacity(most * most),
             ends: Vec::with_capacity(most),
@@ -83,7 +90,12 @@ impl ConeSolver {
         for (index, answer) in self.answers.iter_mut().enumerate().take(points) {
             let at = 3 * index;
             let entry = |row: usize, column: usize| self.delassus[(at + row) * rows + at + column];
-            *answer = PointAnswer::new(&[0, 1, 2].map(|row| [0, 1, 2].map(|column| entry(row, column))));
+            let own = [0, 1, 2].map(|row| [0, 1, 2].map(|column| entry(row, column)));
+            *answer = if self.couples[index].is_some() {
+                PointAnswer::couple(&own)
+            } else {
+                PointAnswer::new(&own)
+            };
         }
         self.find_coupled();
         // Sweeps before the next Newton step; they double whenever one leads astray.
@@ -168,7 +180,13 @@ impl ConeSolver {
         let at = 3 * index;
         let old = [self.lambda[at], self.lambda[at + 1], self.lambda[at + 2]];
         let velocity = [self.velocity[at], self.velocity[at + 1], self.velocity[at + 2]];
-        let new = self.answers[index].relax(&old, &velocity, (self.target[index], self.friction[index]));
+        let answer = &self.answers[index];
+        let new = match self.couples[index] {
+            Some(couple) => {
+                answer.relax_couple(&old, &velocity, couple.bounds(self.lambda[3 * couple.point]))
+            }
+            None => answer.relax(&old, &velocity, (self.target[index], self.friction[index])),
+        };
         let mut change = 0.0_f64;
         for part in 0..3 {
             let step = new[part] - old[part];
@@ -210,9 +228,17 @@ impl PointAnswer {
 
     /// Of the block of W of the point itself.
     pub(super) fn new(own: &[[f64; 3]; 3]) -> Self {
-        let compliance = COMPLIANCE * own[0][0];
         // Along a tangent that the joints hold, one of them may be zero.
-        let soft = COMPLIANCE * own[1][1].max(own[2][2]);
+        Self::with_compliance(own, [own[0][0], own[1][1].max(own[2][2])].map(|entry| COMPLIANCE * entry))
+    }
+
+    /// Of the block of W of the torques at a contact point, whose joints may hold it about any of the axes.
+    pub(super) fn couple(own: &[[f64; 3]; 3]) -> Self {
+        let soft = COMPLIANCE * own[0][0].max(own[1][1]).max(own[2][2]);
+        Self::with_compliance(own, [soft; 2])
+    }
+
+    fn with_compliance(own: &[[f64; 3]; 3], [compliance, soft]: [f64; 2]) -> Self {
         let (a, b, c) = (own[1][1] + soft, own[1][2], own[2][2] + soft);
         let determinant = (a * c - b * b).max(f64::MIN_POSITIVE);
         let stiffest = 0.5 * (a + c) + (0.25 * (a - c) * (a - c) + b * b).sqrt();
@@ -242,21 +268,52 @@ impl PointAnswer {
         // Slip with the new normal impulse.
         let step = normal - old[0];
         let slip = [velocity[1] + self.coupling[0] * step, velocity[2] + self.coupling[1] * step];
-        let bound = friction * normal;
+        let tangent = self.relax_tangent([old[1], old[2]], slip, friction * normal);
+        [normal, tangent[0], tangent[1]]
+    }
+
+    /// The moments, about the normal and about the tangents, for fixed impulses at all other points; each of the two kinds has
+    /// its bound.
+    #[inline]
+    pub(super) fn relax_couple(
+        &self,
+        old: &[f64; 3],
+        velocity: &[f64; 3],
+        [torsional, rolling]: [f64; 2],
+    ) -> [f64; 3] {
+        let missing = velocity[0] + self.compliance * old[0];
+        let about_normal = (old[0] - missing * self.inverse).min(torsional).max(-torsional);
+        let step = about_normal - old[0];
+        let turning = [velocity[1] + self.coupling[0] * step, velocity[2] + self.coupling[1] * step];
+        let tangent = self.relax_tangent([old[1], old[2]], turning, rolling);
+        [about_normal, tangent[0], tangent[1]]
+    }
+
+    /// The two tangential entries of an impulse, no greater than `bound` together, that stop the `slip` or oppose it.
+    #[inline]
+    fn relax_tangent(&self, old: [f64; 2], slip: [f64; 2], bound: f64) -> [f64; 2] {
         let [first, second, beside] = self.tangents;
         let mut tangent =
-            [old[1] - (first * slip[0] - beside * slip[1]), old[2] - (second * slip[1] - beside * slip[0])];
+            [old[0] - (first * slip[0] - beside * slip[1]), old[1] - (second * slip[1] - beside * slip[0])];
         let squared = |tangent: &[f64; 2]| tangent[0] * tangent[0] + tangent[1] * tangent[1];
         if squared(&tangent) > bound * bound {
             // It slips: a projected step along the slip, whose fixed point opposes it.
-            tangent = [old[1] - slip[0] * self.slip, old[2] - slip[1] * self.slip];
+            tangent = [old[0] - slip[0] * self.slip, old[1] - slip[1] * self.slip];
             let size = squared(&tangent);
             if size > bound * bound {
                 let share = bound / size.sqrt();
                 tangent = tangent.map(|part| part * share);
             }
         }
-        [normal, tangent[0], tangent[1]]
+        tangent
+    }
+}
+
+impl Couple {
+    /// Largest moments about the normal and about the tangents at this normal impulse.
+    #[inline]
+    pub(super) fn bounds(&self, normal: f64) -> [f64; 2] {
+        [self.torsional * normal, self.rolling * normal]
     }
 }
 

@@ -9,6 +9,8 @@ use super::features::ContactGeometry;
 use super::narrow;
 use super::near_pairs::NearPairs;
 use super::objects::FreeBody;
+use super::parties::{Least, Parties};
+use super::surface::SurfaceLaw;
 use super::terrain;
 
 /// Contact points kept at once, for the robots and for each object that moves. Of more, the deepest.
@@ -31,8 +33,7 @@ pub(crate) struct ContactPoint {
     pub(crate) distance: f64,
     /// Bound of the speed of the surfaces relative to one another \[m/s\].
     pub(crate) speed: f64,
-    pub(crate) friction: f64,
-    pub(crate) restitution: f64,
+    pub(crate) law: SurfaceLaw,
     /// Length of the integration step in which its impulse acts \[s\].
     pub(crate) h: f64,
     /// Neither side moves: the point, and its force, are those of an earlier integration step.
@@ -49,6 +50,8 @@ pub(super) struct Pair {
     /// Origins farther apart than this are not near one another \[m\]; infinite for a half-space.
     pub(super) reach: f64,
     pub(super) half_space: bool,
+    /// What meets in it.
+    parties: Parties,
     /// Which part of the motions counts.
     pub(super) part: usize,
     /// The pair needs no measurement until the ways of both have come this near \[m\].
@@ -119,7 +122,8 @@ impl Detector {
                 let half_space = b.shape == ConvexShape::HalfSpace;
                 let reach = a.shape.bounding_radius() + b.shape.bounding_radius();
                 let part = bounds::part([a, b]);
-                Pair { index, first, second, reach, half_space, part, until: f64::NEG_INFINITY }
+                let parties = Parties::of(a.owner, b.owner);
+                Pair { index, first, second, reach, half_space, parties, part, until: f64::NEG_INFINITY }
             })
             .collect();
         pairs.sort_unstable_by_key(|pair| (pair.first, pair.second));
@@ -264,13 +268,13 @@ impl Detector {
         terrain::clearance(colliders, articulation, &self.distances)
     }
 
-    /// Finds all contact points closer than `least` \[m\], and those that may touch within `h` \[s\]. Between colliders that do
+    /// Finds all contact points closer than the `least` distance of their parties \[m\], and those that may touch within `h` \[s\]. Between colliders that do
     /// not move in this integration step they are those found last.
-    pub(crate) fn detect(&mut self, all: &Colliders, h: f64, least: f64) -> &[ContactPoint] {
+    pub(crate) fn detect(&mut self, all: &Colliders, h: f64, least: Least) -> &[ContactPoint] {
         let Self { pairs, near, points, earlier, moving, most, distances, motions, .. } = self;
         core::mem::swap(points, earlier);
         points.clear();
-        near.update(pairs, distances, motions, (h, least));
+        near.update(pairs, distances, motions, (h, least.robots.max(least.grasps)));
         let moves = |index: usize| moving[index] == Motion::Moves;
         let done = |index: usize| moving[index] == Motion::Done;
         for &index in near.list() {
@@ -279,13 +283,13 @@ impl Detector {
                 continue;
             }
             let (way, speed) = motions.of_pair(pair.part, pair.first, pair.second);
-            let margin = margin(h, speed).max(least);
+            let margin = margin(h, speed).max(least.of(pair.parties));
             if pair.until - way > margin {
                 continue;
             }
             let (first, second) = (&all.colliders[pair.first], &all.colliders[pair.second]);
-            let friction = 0.5 * (first.friction + second.friction);
-            let restitution = 0.5 * (first.restitution + second.restitution);
+            let places = [pair.first, pair.second];
+            let law = SurfaceLaw::between([first, second], |place| distances.pose(places[place]).rotation);
             let mut found = |swapped: bool, feature: u32, point, normal, distance| {
                 let colliders = if swapped { (pair.second, pair.first) } else { (pair.first, pair.second) };
                 let owners = if swapped { (second.owner, first.owner) } else { (first.owner, second.owner) };
@@ -300,8 +304,7 @@ impl Detector {
                         normal,
                         distance,
                         speed,
-                        friction,
-                        restitution,
+                        law: if swapped { law.swapped() } else { law },
                         h: UNKNOWN,
                         kept: false,
                     },
@@ -311,7 +314,7 @@ impl Detector {
                 + way
                 - ROUNDING;
         }
-        let near = |speed| margin(h, speed).max(least);
+        let near = |speed, owner| margin(h, speed).max(least.of(Parties::of(owner, Owner::World)));
         terrain::detect((all, moving), distances, motions, near, &mut |point| keep((points, *most), point));
         for point in earlier.iter().filter(|point| !moves(point.colliders.0) && !moves(point.colliders.1)) {
             keep((points, *most), ContactPoint { kept: true, ..*point });

@@ -20,9 +20,11 @@ mod narrow;
 mod near_pairs;
 mod newton;
 mod objects;
+mod parties;
 mod scene;
 mod site;
 mod sums;
+mod surface;
 mod sweeps;
 mod terrain;
 

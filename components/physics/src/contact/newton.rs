@@ -63,8 +63,10 @@ impl ConeSolver {
                 return false;
             }
             self.assemble_newton();
-            let Self { lambda, newton: Newton { unknowns, system, step, opening, .. }, .. } = self;
-            if !eliminate(&mut system[..size * size], &mut step[..size]) {
+            let Self { lambda, newton: Newton { unknowns, modes, system, step, opening, .. }, .. } = self;
+            let (system, right) = (&mut system[..size * size], &mut step[..size]);
+            let slips = modes.iter().any(|mode| matches!(mode, Mode::Slip(..)));
+            if !if slips { eliminate(system, right) } else { eliminate_symmetric(system, right) } {
                 return false;
             }
             opening.clear();
@@ -117,10 +119,11 @@ impl ConeSolver {
 
     /// The modes of the contact points that press, and their unknowns.
     fn find_modes(&mut self) {
-        let Self { rows, velocity, friction, lambda, newton, .. } = self;
+        let Self { rows, velocity, friction, couples, lambda, newton, .. } = self;
         newton.unknowns.clear();
         newton.modes.clear();
-        for (index, friction) in friction.iter().take(*rows / 3).enumerate() {
+        let points = couples.iter().take(*rows / 3).take_while(|couple| couple.is_none()).count();
+        for (index, friction) in friction.iter().take(points).enumerate() {
             let at = 3 * index;
             let normal = lambda[at];
             if normal <= 0.0 {
@@ -231,10 +234,68 @@ fn eliminate(system: &mut [f64], right: &mut [f64]) -> bool {
             }
         }
     }
+    substitute(system, right)
+}
+
+/// Solves a dense system with a symmetric positive definite matrix, as that of W where nothing slips, in place: of the rows the part
+/// from the diagonal on. `false` where it is not positive definite.
+fn eliminate_symmetric(system: &mut [f64], right: &mut [f64]) -> bool {
+    let n = right.len();
+    for k in 0..n {
+        let (upper, lower) = system.split_at_mut((k + 1) * n);
+        let own = &upper[k * n..][..n];
+        if own[k].is_nan() || own[k] <= f64::MIN_POSITIVE {
+            return false;
+        }
+        let (inverse, value) = (1.0 / own[k], right[k]);
+        for (i, row) in (k + 1..).zip(lower.chunks_exact_mut(n)) {
+            if own[i] == 0.0 {
+                continue;
+            }
+            let factor = own[i] * inverse;
+            right[i] -= factor * value;
+            for (entry, own) in row[i..].iter_mut().zip(&own[i..]) {
+                *entry -= factor * own;
+            }
+        }
+    }
+    substitute(system, right)
+}
+
+/// The end of an elimination: `system` is upper triangular. `false` where the solution is not finite.
+fn substitute(system: &[f64], right: &mut [f64]) -> bool {
+    let n = right.len();
     for k in (0..n).rev() {
         let row = &system[k * n..][..n];
         let value = right[k] - dot(&row[k + 1..], &right[k + 1..]);
         right[k] = value / row[k];
     }
     right.iter().all(|entry| entry.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_eliminations_solve_a_positive_definite_system() {
+        // A = B B' + 1, whose solution is chosen first.
+        let n = 7;
+        let b = |row: usize, column: usize| ((3 * row + 5 * column) as f64).sin();
+        let entry = |row: usize, column: usize| {
+            (0..n).map(|k| b(row, k) * b(column, k)).sum::<f64>() + f64::from(u8::from(row == column))
+        };
+        let system: Vec<f64> = (0..n * n).map(|place| entry(place / n, place % n)).collect();
+        let solution: Vec<f64> = (0..n).map(|k| (1.7 * k as f64).cos()).collect();
+        let right: Vec<f64> = system.chunks_exact(n).map(|row| dot(row, &solution)).collect();
+        for solve in [eliminate, eliminate_symmetric] {
+            let (mut system, mut found) = (system.clone(), right.clone());
+            assert!(solve(&mut system, &mut found));
+            for (found, expected) in found.iter().zip(&solution) {
+                assert!((found - expected).abs() < 1e-12, "{found}, {expected}");
+            }
+        }
+        let (mut indefinite, mut right) = ([1.0, 2.0, 2.0, 1.0], [1.0, 1.0]);
+        assert!(!eliminate_symmetric(&mut indefinite, &mut right));
+    }
 }

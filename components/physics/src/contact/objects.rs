@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
 use crate::World;
+use crate::air::Air;
 
 /// A free rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,6 +14,8 @@ pub(crate) struct FreeBody {
     /// Angular velocity \[rad/s\], world axes.
     pub(crate) angular: Vector3<f64>,
     pub(crate) mass: f64,
+    /// Drag area \[m2\].
+    drag: f64,
     /// Principal moments of inertia, along its own axes \[kg m2\].
     inertia: Vector3<f64>,
     /// Time for which it has hardly moved \[s\].
@@ -64,9 +67,9 @@ impl FreeBody {
         (self.pose, self.linear, self.angular) = (pose, Vector3::zeros(), Vector3::zeros());
     }
 
-    /// Velocity after `h` \[s\] under gravity alone.
-    fn fall(&mut self, gravity: &Vector3<f64>, h: f64) {
-        self.linear += gravity * h;
+    /// Velocity after `h` \[s\] under gravity and in the air alone.
+    fn fall(&mut self, gravity: &Vector3<f64>, air: &Air, h: f64) {
+        self.linear = air.slowed((self.drag, self.mass), self.linear + gravity * h, h);
         // One Newton step of the implicit gyroscopic torque, in the body's axes (Catto, GDC 2015): stable at any spin.
         let w = self.pose.rotation.inverse_transform_vector(&self.angular);
         let momentum = self.inertia.component_mul(&w);
@@ -96,6 +99,7 @@ pub(crate) struct Objects {
     pub(crate) before: Vec<FreeBody>,
     /// Gravity of the last step \[m/s2\]; NaN before the first.
     pub(crate) gravity: Vector3<f64>,
+    air: Air,
     /// Per object of the world: its index among those that move.
     pub(crate) movable: Vec<Option<usize>>,
 }
@@ -108,13 +112,14 @@ impl Objects {
                 let inertia = object.shape.principal_inertia(mass);
                 let (linear, angular) = (Vector3::zeros(), Vector3::zeros());
                 let (pose, still, asleep) = (object.pose(), 0.0, false);
-                now.push(FreeBody { pose, linear, angular, mass, inertia, still, asleep });
+                let drag = object.drag;
+                now.push(FreeBody { pose, linear, angular, mass, drag, inertia, still, asleep });
                 now.len() - 1
             })
         });
         let movable = movable.collect();
         let gravity = Vector3::repeat(f64::NAN);
-        Self { next: now.clone(), before: now.clone(), now, gravity, movable }
+        Self { next: now.clone(), before: now.clone(), now, gravity, air: Air::new(world), movable }
     }
 
     pub(crate) fn begin(&mut self) {
@@ -133,7 +138,7 @@ impl Objects {
     /// Velocities of the next state after free fall for the time of each \[s\].
     pub(crate) fn fall(&mut self, gravity: &Vector3<f64>, lengths: &[f64]) {
         for (body, h) in self.next.iter_mut().zip(lengths).filter(|(body, h)| !body.asleep && **h > 0.0) {
-            body.fall(gravity, *h);
+            body.fall(gravity, &self.air, *h);
         }
     }
 

@@ -1,12 +1,13 @@
 //! The contact scene: colliders, objects that move, and the impulses between all of them.
 
 use motorium_robots::{Kinematics, Terrain, TerrainError};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::colliders::{Collider, Colliders, Owner};
 use super::detect::{ContactPoint, Detector, DetectorState, Motion};
 use super::impulses::{Impulses, Known};
 use super::objects::{FreeBody, Objects};
+use super::parties::Least;
 use super::sums::ImpulseSums;
 use crate::robot::{Articulation, Robot};
 use crate::{Surface, World};
@@ -22,13 +23,15 @@ pub(crate) struct ContactScene {
     /// Length of the next integration step of each articulation and each object that moves \[s\]; zero where its step is
     /// over.
     lengths: Vec<f64>,
-    /// Those near a contact, which take the steps of contacts.
+    /// Robots that may hold something, and all that they may hold, which take the steps of grasps.
     near: Vec<bool>,
+    /// Number of integration steps of the present step.
+    steps: usize,
     /// Objects at rest may sleep.
     sleeping: bool,
 }
 
-/// Closer than this to a contact, contacts decide the length of the integration steps \[m\].
+/// Closer than this to what a robot may hold, contacts decide the length of its integration steps \[m\].
 const NEAR: f64 = 0.010;
 
 /// The state of a [`ContactScene`] that later steps depend on.
@@ -54,8 +57,13 @@ impl ContactScene {
             articulations,
             lengths: vec![0.0; bodies],
             near: vec![false; bodies],
+            steps: 1,
             sleeping,
-            impulses: Impulses::new(&robot.articulations, objects.now.len(), detector.capacity()),
+            impulses: Impulses::new(
+                &robot.articulations,
+                objects.now.len(),
+                detector.capacity() * if colliders.resist_turning() { 2 } else { 1 },
+            ),
             objects,
             colliders,
             detector,
@@ -93,27 +101,28 @@ impl ContactScene {
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
-    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and what is so near to one that it takes the
-    /// integration steps of contacts. Returns the larger number of integration steps of those there are, `far` from
+    /// Begins a step of `dt` \[s\], all placed as it is: finds the contact points, and the robots so near to an object or to another
+    /// robot that they take the integration steps of contacts, with all that they may touch. Returns the larger number of integration steps of those there are, `far` from
     /// contacts or near.
     pub(crate) fn begin(&mut self, dt: f64, gravity: &Vector3<f64>, [far, near]: [usize; 2]) -> usize {
         self.objects.feel(gravity);
         self.lengths.fill(dt);
         self.set_moving();
-        self.detector.detect(&self.colliders, dt, NEAR);
+        self.detector.detect(&self.colliders, dt, Least { grasps: NEAR, ..Least::default() });
         self.impulses.sort(self.detector.points());
         self.impulses.find_near(self.detector.points(), NEAR, &mut self.near);
         let asleep = |body: usize| self.objects.is_asleep(body.checked_sub(self.articulations));
         let awake = (0..self.near.len()).filter(|body| !asleep(*body));
-        awake.map(|body| if self.near[body] { near } else { far }).max().unwrap_or(far)
+        self.steps = awake.map(|body| if self.near[body] { near } else { far }).max().unwrap_or(far);
+        self.steps
     }
 
     /// Sets the lengths of the integration step with this number, the first being 0.
     pub(crate) fn set_lengths(&mut self, step: usize, dt: f64, [far, near]: [usize; 2]) {
         for (body, length) in self.lengths.iter_mut().enumerate() {
-            // An object that wakes is touched by one that moves: it takes the short steps.
+            // An object may wake in any of the steps: it takes the short ones, where there are some.
             let asleep = self.objects.is_asleep(body.checked_sub(self.articulations));
-            let steps = if self.near[body] || asleep { near } else { far };
+            let steps = if self.near[body] || asleep { near.min(self.steps) } else { far };
             *length = if step < steps { dt / steps as f64 } else { 0.0 };
         }
         self.set_moving();
@@ -156,28 +165,34 @@ impl ContactScene {
         // Poses do not change yet: only the velocities fall.
         objects.before_fall();
         objects.fall(gravity, &lengths[articulations.len()..]);
-        let slopes = |owner: Owner, point: &ContactPoint, axes: &[_; 3], sign: f64, columns: &mut [_]| {
+        let slopes = |owner: Owner, point: &Point3<f64>, axes: &[_; 3], sign: f64, columns: &mut [_]| {
             let (of, body) = match owner {
                 Owner::Base(of) => (of, None),
                 Owner::Body(of, index) => (of, Some(index)),
                 Owner::World | Owner::Object(_) => return,
             };
             let model = articulations[of].model();
-            kinematics(of).add_point_jacobian(model, body, &point.point, (axes, sign), columns);
+            kinematics(of).add_point_jacobian(model, body, point, (axes, sign), columns);
         };
         impulses.prepare(detector.points(), v, (&objects.before, &objects.next), slopes);
     }
 
     /// Adds the impulses of this integration step to `sums`; those on what sleeps, once in a step of `dt` \[s\], in the first.
     pub(crate) fn add_impulses(&self, first: bool, dt: f64, sums: &mut ImpulseSums) {
+        let share = |point: &ContactPoint| match point.kept {
+            false => 1.0,
+            true if first => dt / point.h,
+            true => 0.0,
+        };
         for (index, point, ..) in self.points() {
-            let share = match point.kept {
-                false => 1.0,
-                true if first => dt / point.h,
-                true => continue,
-            };
             let (one, two) = point.colliders;
-            sums.add([one, two], &point.point, &(self.impulses.vector(index, &point.normal) * share));
+            let impulse = self.impulses.vector(index, &point.normal);
+            sums.add([one, two], &point.point, &(impulse * share(point)));
+        }
+        let points = self.detector.points();
+        for (index, moment) in self.impulses.couples(points) {
+            let (one, two) = points[index].colliders;
+            sums.add_moment([one, two], &(moment * share(&points[index])));
         }
     }
 
@@ -202,10 +217,10 @@ impl ContactScene {
         self.detector.above_terrain(&self.colliders, articulation)
     }
 
-    /// The contact points within `least` \[m\] and those that may touch within `h` \[s\], as all was placed last. Those of
+    /// The contact points of robots within `least` \[m\] and those of anything that may touch within `h` \[s\], as all was placed last. Those of
     /// the last step are dropped.
     pub(crate) fn detect(&mut self, h: f64, least: f64) -> &[ContactPoint] {
-        self.detector.detect(&self.colliders, h, least)
+        self.detector.detect(&self.colliders, h, Least { robots: least, grasps: least })
     }
 
     /// All that later steps depend on.

@@ -6,6 +6,7 @@ use super::colliders::Owner;
 use super::cone::PointAnswer;
 use super::detect::ContactPoint;
 use super::objects::FreeBody;
+use super::surface::SurfaceLaw;
 
 /// The bodies that meet at a contact point, and their motion there.
 #[derive(Clone, Copy, Debug)]
@@ -23,10 +24,24 @@ pub(super) struct Site {
     pub(super) overlapping: bool,
     pub(super) recovery: f64,
     pub(super) friction: f64,
+    /// Velocity of the first surface relative to the second that conveyors give, along the axes.
+    pub(super) conveyed: [f64; 3],
+    /// It stands for the torques at a contact point: impulses are moments, velocities angular.
+    pub(super) couple: Option<Couple>,
     /// No impulse moves the point.
     pub(super) immovable: bool,
     /// Its answer to impulses, in an island that is solved body by body.
     pub(super) answer: PointAnswer,
+}
+
+/// The friction at a contact point against spinning about its normal and rolling about its tangents.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Couple {
+    /// The contact point, whose normal impulse bounds the moments.
+    pub(super) point: usize,
+    /// Largest moments per normal impulse \[m\].
+    pub(super) torsional: f64,
+    pub(super) rolling: f64,
 }
 
 /// The part of the world on one side of a contact point.
@@ -38,6 +53,19 @@ pub(super) enum Side {
     Articulation(usize),
     /// A free object: its index, and the arm from its centre to the point, world axes \[m\].
     Object(usize, Vector3<f64>),
+    /// A free object that moments turn.
+    Turned(usize),
+}
+
+impl Side {
+    /// The free object on this side.
+    #[inline]
+    pub(super) fn object(self) -> Option<usize> {
+        match self {
+            Self::Object(object, _) | Self::Turned(object) => Some(object),
+            Self::World | Self::Articulation(_) => None,
+        }
+    }
 }
 
 /// A free object's answer to impulses.
@@ -84,6 +112,16 @@ impl Mobility {
         self.linear + self.angular.cross(arm)
     }
 
+    /// Takes in an impulse on one side of a contact point.
+    #[inline]
+    pub(super) fn take(&mut self, side: &Side, impulse: &Vector3<f64>) {
+        match side {
+            Side::Object(_, arm) => self.push(arm, impulse),
+            Side::Turned(_) => self.angular += self.inverse_inertia * impulse,
+            Side::World | Side::Articulation(_) => {}
+        }
+    }
+
     /// Takes in an impulse at `arm` from its centre.
     #[inline]
     pub(super) fn push(&mut self, arm: &Vector3<f64>, impulse: &Vector3<f64>) {
@@ -103,6 +141,8 @@ impl Site {
         overlapping: false,
         recovery: 0.0,
         friction: 0.0,
+        conveyed: [0.0; 3],
+        couple: None,
         immovable: true,
         answer: PointAnswer::NONE,
     };
@@ -116,10 +156,30 @@ impl Site {
                 Side::Object(object, point.point.coords - bodies[object].pose.translation.vector)
             }
         };
+        let axes = axes(&point.normal);
+        Self {
+            axes,
+            sides: [side(point.owners.0), side(point.owners.1)],
+            friction: point.law.friction,
+            // What conveyors move across the surface is no motion of it.
+            conveyed: [0.0, axes[1].dot(&point.law.conveyed), axes[2].dot(&point.law.conveyed)],
+            immovable: false,
+            ..Self::KEPT
+        }
+    }
+
+    /// The torques at the contact point of this index. Velocities follow.
+    pub(super) fn couple(index: usize, point: &ContactPoint) -> Self {
+        let side = |owner: Owner| match owner {
+            Owner::World => Side::World,
+            Owner::Base(of) | Owner::Body(of, _) => Side::Articulation(of),
+            Owner::Object(object) => Side::Turned(object),
+        };
+        let SurfaceLaw { torsional, rolling, .. } = point.law;
         Self {
             axes: axes(&point.normal),
             sides: [side(point.owners.0), side(point.owners.1)],
-            friction: point.friction,
+            couple: Some(Couple { point: index, torsional, rolling }),
             immovable: false,
             ..Self::KEPT
         }
@@ -136,10 +196,14 @@ impl Site {
     pub(super) fn speed(&self, axis: usize, bodies: &[FreeBody]) -> f64 {
         let mut sum = 0.0;
         for (side, sign) in self.sides.iter().zip([1.0, -1.0]) {
-            if let Side::Object(object, arm) = side {
-                let linear = self.axes[axis] * sign;
-                let body = &bodies[*object];
-                sum += linear.dot(&body.linear) + arm.cross(&linear).dot(&body.angular);
+            let along = self.axes[axis] * sign;
+            match side {
+                Side::Object(object, arm) => {
+                    let body = &bodies[*object];
+                    sum += along.dot(&body.linear) + arm.cross(&along).dot(&body.angular);
+                }
+                Side::Turned(object) => sum += along.dot(&bodies[*object].angular),
+                Side::World | Side::Articulation(_) => {}
             }
         }
         sum
@@ -148,10 +212,13 @@ impl Site {
     /// The rows of the Jacobian over the objects, of both sides, along an axis.
     pub(super) fn rows(&self, axis: usize, bodies: &[Mobility]) -> [Option<ObjectRow>; 2] {
         let row = |side: Side, sign: f64| {
-            let Side::Object(object, arm) = side else { return None };
+            let along = self.axes[axis] * sign;
+            let (object, linear, angular) = match side {
+                Side::Object(object, arm) => (object, along, arm.cross(&along)),
+                Side::Turned(object) => (object, Vector3::zeros(), along),
+                Side::World | Side::Articulation(_) => return None,
+            };
             let body = &bodies[object];
-            let linear = self.axes[axis] * sign;
-            let angular = arm.cross(&linear);
             let response = (linear * body.inverse_mass, body.inverse_inertia * angular);
             Some(ObjectRow { object, linear, angular, response })
         };

@@ -28,6 +28,12 @@ impl ImpulseSums {
         }
     }
 
+    /// Adds a moment on the first of two colliders, which turns the second the other way.
+    pub(crate) fn add_moment(&mut self, [first, second]: [usize; 2], moment: &Vector3<f64>) {
+        self.0[first][1] += moment;
+        self.0[second][1] -= moment;
+    }
+
     /// Passes name, impulse and moment of each collider with an impulse to `visit`.
     #[expect(clippy::type_complexity, reason = "a visitor of three values")]
     pub(crate) fn visit(

@@ -9,8 +9,10 @@ use super::site::{Mobility, Side, Site};
 /// Largest number of sweeps.
 const SWEEPS: usize = 50;
 
-/// Change of a velocity \[m/s\] in a sweep below which the sweeps end.
+/// Change of a velocity \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest that an impulse makes
+/// at its own point, as in impacts.
 const SETTLED: f64 = 1e-6;
+const SETTLED_SHARE: f64 = 1e-4;
 
 /// Half solutions of the contact points on articulations.
 #[derive(Clone, Copy)]
@@ -84,7 +86,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         for place in self.places.clone() {
             let index = (self.point)(place);
             for side in self.sites[index].sides {
-                if let Side::Object(object, _) = side
+                if let Some(object) = side.object()
                     && !core::mem::replace(&mut self.bodies[object].listed, true)
                 {
                     self.room.objects.push(object as u32);
@@ -109,7 +111,7 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         let mut before = f64::INFINITY;
         for sweep in 0..SWEEPS {
             self.begin_sweep();
-            let (mut change, mut squared) = (0.0_f64, 0.0);
+            let (mut change, mut largest, mut squared) = (0.0_f64, 0.0_f64, 0.0);
             for step in 0..self.places.len() {
                 // To and fro, so that impulses run through a pile both ways.
                 let place =
@@ -120,13 +122,15 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
                 if moved == [0.0; 3] {
                     continue;
                 }
-                for (moved, diagonal) in moved.iter().zip(&self.sites[index].answer.diagonal) {
+                let diagonal = &self.sites[index].answer.diagonal;
+                largest = largest.max(self.lambda[3 * index] * diagonal[0]);
+                for (moved, diagonal) in moved.iter().zip(diagonal) {
                     change = change.max((moved * diagonal).abs());
                     // Weighed by the mobility, so that light and heavy bodies count alike.
                     squared += moved * moved * diagonal;
                 }
             }
-            if change < SETTLED || sweep + 1 == SWEEPS {
+            if change < SETTLED.max(SETTLED_SHARE * largest) || sweep + 1 == SWEEPS {
                 return;
             }
             let share = squared / before;
@@ -179,7 +183,8 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
     fn relative(&self, site: &Site) -> Vector3<f64> {
         let of = |side: &Side| match side {
             Side::Object(object, arm) => self.bodies[*object].velocity_at(arm),
-            _ => Vector3::zeros(),
+            Side::Turned(object) => self.bodies[*object].angular,
+            Side::World | Side::Articulation(_) => Vector3::zeros(),
         };
         of(&site.sides[0]) - of(&site.sides[1])
     }
@@ -190,8 +195,8 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         let site = &self.sites[index];
         let vector = site.vector(impulse);
         for (side, sign) in site.sides.iter().zip([1.0, -1.0]) {
-            if let Side::Object(object, arm) = side {
-                self.bodies[*object].push(arm, &(vector * sign));
+            if let Some(object) = side.object() {
+                self.bodies[object].take(side, &(vector * sign));
             }
         }
         for (k, row) in self.reduced.of(index) {
@@ -216,12 +221,17 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
         }
         velocity[0] += site.axes[0].dot(&relative);
         // Most of the points that may touch within the step do not.
-        if old == [0.0; 3] && velocity[0] >= site.target {
+        if old == [0.0; 3] && site.couple.is_none() && velocity[0] >= site.target {
             return [0.0; 3];
         }
         velocity[1] += site.axes[1].dot(&relative);
         velocity[2] += site.axes[2].dot(&relative);
-        let new = site.answer.relax(&old, &velocity, (site.target, site.friction));
+        let new = match site.couple {
+            Some(couple) => {
+                site.answer.relax_couple(&old, &velocity, couple.bounds(self.lambda[3 * couple.point]))
+            }
+            None => site.answer.relax(&old, &velocity, (site.target, site.friction)),
+        };
         let step = [0, 1, 2].map(|part| new[part] - old[part]);
         if step != [0.0; 3] {
             self.lambda[3 * index..][..3].copy_from_slice(&new);

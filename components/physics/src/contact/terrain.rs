@@ -8,9 +8,10 @@ use motorium_robots::{Collisions, ConvexShape, HeightField};
 use nalgebra::{IsometryMatrix3, Point3, Vector3};
 
 use super::bounds::Motions;
-use super::colliders::{Collider, Colliders};
+use super::colliders::{Collider, Colliders, Owner};
 use super::detect::{ContactPoint, Motion, UNKNOWN};
 use super::features::{ContactGeometry, Feature};
+use super::surface::SurfaceLaw;
 
 /// Points of one round feature: more faces do not meet under a sphere that is no greater than the stones.
 const FACES: usize = 4;
@@ -39,7 +40,7 @@ pub(super) fn detect(
     (all, moving): (&Colliders, &[Motion]),
     distances: &Collisions,
     motions: &Motions,
-    margin: impl Fn(f64) -> f64,
+    margin: impl Fn(f64, Owner) -> f64,
     found: &mut dyn FnMut(ContactPoint),
 ) {
     let Some(field) = &all.terrain else { return };
@@ -50,7 +51,7 @@ pub(super) fn detect(
         }
         let pose = distances.pose(index);
         let (speed, reach) = (motions.speed(index), collider.shape.bounding_radius());
-        let (margin, centre) = (margin(speed), pose.translation.vector);
+        let (margin, centre) = (margin(speed, collider.owner), pose.translation.vector);
         let near = reach + margin;
         if centre.z - near > field.highest_near(centre.x, centre.y, near) {
             continue;
@@ -65,8 +66,7 @@ pub(super) fn detect(
                 normal,
                 distance,
                 speed,
-                friction: 0.5 * (a.friction + b.friction),
-                restitution: 0.5 * (a.restitution + b.restitution),
+                law: SurfaceLaw::between([a, b], |place| distances.pose([first, second][place]).rotation),
                 h: UNKNOWN,
                 kept: false,
             }

@@ -21,6 +21,8 @@ pub(super) struct Touch {
     pub(super) depth: f64,
     pub(super) force: f64,
     pub(super) friction: Vector3<f64>,
+    /// Against spinning and rolling, on the second collider \[N m\].
+    pub(super) torque: Vector3<f64>,
 }
 
 /// Room for contact points that are noted without a call of the allocator.

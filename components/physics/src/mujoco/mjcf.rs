@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::contact;
 use crate::World;
-use crate::contact::{Colliders, Owner};
+use crate::contact::{Collider, Colliders, Owner};
 use crate::rapier::rapier_shape;
 use crate::robot::Robot;
 
@@ -277,12 +277,20 @@ impl Writer<'_> {
             if !is_usable(&first.shape) || !is_usable(&second.shape) {
                 continue;
             }
-            let friction = 0.5 * (first.friction + second.friction);
-            let [time, damping] = contact::reference(0.5 * (first.restitution + second.restitution));
-            let dimensions = if friction > 0.0 { 3 } else { 1 };
+            let half = |of: fn(&Collider) -> f64| 0.5 * (of(first) + of(second));
+            let friction = half(|collider| collider.friction);
+            let torsional = half(|collider| collider.torsional);
+            let rolling = half(|collider| collider.rolling);
+            let [time, damping] = contact::reference(half(|collider| collider.restitution));
+            let dimensions = match () {
+                () if rolling > 0.0 => 6,
+                () if torsional > 0.0 => 4,
+                () if friction > 0.0 => 3,
+                () => 1,
+            };
             writeln!(
                 self.text,
-                r#"<pair geom1="c{a}" geom2="c{b}" condim="{dimensions}" friction="{friction} {friction} 0 0 0" gap="{NEAR}" solref="{time} {damping}" solimp="{}"/>"#,
+                r#"<pair geom1="c{a}" geom2="c{b}" condim="{dimensions}" friction="{friction} {friction} {torsional} {rolling} {rolling}" gap="{NEAR}" solref="{time} {damping}" solimp="{}"/>"#,
                 contact::IMPEDANCE
             )?;
         }

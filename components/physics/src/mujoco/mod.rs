@@ -121,7 +121,14 @@ impl Mujoco {
 impl Engine for Mujoco {
     type State = MujocoState;
 
-    const CAPABILITIES: Capabilities = Capabilities { floating_bases: true, allocation_free: true };
+    const NAME: &'static str = "MuJoCo";
+
+    const CAPABILITIES: Capabilities = Capabilities {
+        floating_bases: true,
+        allocation_free: true,
+        rolling_friction: true,
+        conveyors: false,
+    };
 
     fn build(
         setups: &[RobotSetup],

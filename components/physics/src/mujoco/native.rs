@@ -268,12 +268,12 @@ impl Native {
         }
     }
 
-    /// Force at a contact along the rows of its frame \[N\].
-    pub(super) fn contact_force(&self, contact: usize) -> [f64; 3] {
+    /// Force \[N\] and torque \[N m\] at a contact along the rows of its frame.
+    pub(super) fn contact_force(&self, contact: usize) -> [f64; 6] {
         let mut force = [0.0; 6];
         // SAFETY: six numbers are what the function writes, for a contact of the last step.
         unsafe { (self.library.contact_force)(self.model, self.data, contact as c_int, force.as_mut_ptr()) };
-        [force[0], force[1], force[2]]
+        force
     }
 
     /// True if contacts or constraints of a step had no room since the last [`reset`](Self::reset).

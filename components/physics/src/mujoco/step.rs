@@ -4,8 +4,10 @@ use motorium_robots::{Coordinate, Reference};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 
 use super::Mujoco;
+use super::compile::ObjectPlace;
 use super::contact::{Seen, Touch};
 use super::native::{Native, Parts};
+use crate::air::Air;
 use crate::articulated::Laws;
 use crate::robot::{Articulation, Robot, State, base_pose};
 use crate::{StepError, StepReport};
@@ -28,6 +30,7 @@ impl Mujoco {
             for touch in &self.seen_next.touches {
                 let ([first, second], force) = (touch.colliders, touch.normal * touch.force + touch.friction);
                 self.sums.add([second, first], &touch.point, &(force * h));
+                self.sums.add_moment([second, first], &(touch.torque * h));
             }
         }
         if self.native.is_full() { Err(StepError::TooManyContacts) } else { Ok(report) }
@@ -41,6 +44,7 @@ impl Mujoco {
     fn integrate(&mut self, robot: &mut Robot, h: f64, report: &mut StepReport) {
         self.write_state(&robot.articulations, &robot.state);
         self.set_external(robot);
+        self.add_drag(&robot.gravity, h);
         let Robot { articulations, joints, commands, state, .. } = robot;
         for own in &*articulations {
             let drives = joints[own.joints()].iter().zip(&commands[own.drives()]);
@@ -137,6 +141,17 @@ impl Mujoco {
         }
     }
 
+    /// The forces of the air on free objects in an integration step of `h` \[s\].
+    fn add_drag(&mut self, gravity: &Vector3<f64>, h: f64) {
+        let air = Air::new(&self.world);
+        for (place, object) in self.places.objects.iter().zip(&self.world.objects) {
+            let (ObjectPlace::Free(_, dof), Some(mass)) = (place, object.mass) else { continue };
+            let velocity = Vector3::from_column_slice(&self.native.qvel()[*dof..dof + 3]);
+            let force = air.force((object.drag, mass), velocity, gravity, h);
+            self.forces[*dof..dof + 3].copy_from_slice(force.as_slice());
+        }
+    }
+
     /// Places MuJoCo's robots in the next state of ours. Mimic joints follow exactly.
     fn write_state(&mut self, articulations: &[Articulation], state: &State) {
         for (own, places) in articulations.iter().zip(&self.places.articulations) {
@@ -202,7 +217,7 @@ impl Mujoco {
 /// The contact point `index` between two colliders, if it touches.
 fn touch(native: &Native, index: usize, colliders: [usize; 2]) -> Option<Touch> {
     let contact = &native.contacts()[index];
-    let force = if contact.row >= 0 { native.contact_force(index) } else { [0.0; 3] };
+    let force = if contact.row >= 0 { native.contact_force(index) } else { [0.0; 6] };
     let row = |row: usize| Vector3::from_column_slice(&contact.frame[3 * row..3 * row + 3]);
     (contact.distance <= 0.0 || force[0] > 0.0).then(|| Touch {
         colliders,
@@ -211,6 +226,7 @@ fn touch(native: &Native, index: usize, colliders: [usize; 2]) -> Option<Touch> 
         depth: (-contact.distance).max(0.0),
         force: force[0],
         friction: row(1) * force[1] + row(2) * force[2],
+        torque: row(0) * force[3] + row(1) * force[4] + row(2) * force[5],
     })
 }
 

@@ -75,7 +75,14 @@ pub struct RapierState {
 impl Engine for Rapier {
     type State = RapierState;
 
-    const CAPABILITIES: Capabilities = Capabilities { floating_bases: false, allocation_free: false };
+    const NAME: &'static str = "rapier";
+
+    const CAPABILITIES: Capabilities = Capabilities {
+        floating_bases: false,
+        allocation_free: false,
+        rolling_friction: false,
+        conveyors: false,
+    };
 
     fn build(
         setups: &[RobotSetup],

@@ -14,6 +14,7 @@ use rapier3d_f64::pipeline::{ActiveHooks, PhysicsPipeline};
 use super::convert;
 use super::inertia::{MILLIGRAMS, mass_properties};
 use super::shapes::PairTable;
+use crate::air::Air;
 use crate::contact::Collider;
 use crate::{Contact, World};
 
@@ -26,6 +27,9 @@ pub(super) struct Scene {
     pub(super) colliders: ColliderSet,
     pub(super) multibodies: MultibodyJointSet,
     pub(super) objects: Vec<RigidBodyHandle>,
+    air: Air,
+    /// Drag area \[m2\] and mass \[kg\] of each object; `None` where the air does not move it.
+    drags: Vec<Option<(f64, f64)>>,
     enclose: Enclose,
     parameters: IntegrationParameters,
     pipeline: PhysicsPipeline,
@@ -123,11 +127,18 @@ impl Scene {
                 )
             })
             .collect();
+        let drags = world.objects.iter().map(|object| {
+            let mass = object.mass.filter(|_| object.drag > 0.0);
+            mass.map(|mass| (object.drag, mass))
+        });
+        let drags = drags.collect();
         Self {
             bodies,
             colliders: ColliderSet::new(),
             multibodies: MultibodyJointSet::new(),
             objects,
+            air: Air::new(world),
+            drags,
             enclose,
             parameters,
             pipeline: PhysicsPipeline::new(),
@@ -166,6 +177,7 @@ impl Scene {
     /// One step of `dt` \[s\] of everything that is enabled.
     pub(super) fn step(&mut self, dt: f64, gravity: &Vector3<f64>, pairs: &PairTable) {
         self.parameters.dt = dt;
+        self.set_drag(dt, gravity);
         let gravity = convert::vector(gravity);
         let enclose = self.enclose;
         enclose(&mut || {
@@ -185,6 +197,17 @@ impl Scene {
                 &(),
             );
         });
+    }
+
+    /// The forces of the air during the next step of `dt` \[s\], in place of those of the last.
+    fn set_drag(&mut self, dt: f64, gravity: &Vector3<f64>) {
+        for (handle, drag) in self.objects.iter().zip(&self.drags) {
+            let Some(drag) = *drag else { continue };
+            let body = &mut self.bodies[*handle];
+            let force = self.air.force(drag, convert::vector_back(body.linvel()), gravity, dt);
+            body.reset_forces(true);
+            body.add_force(convert::vector(&(force * MILLIGRAMS)), true);
+        }
     }
 
     pub(super) fn enclosure(&self) -> Enclose {

@@ -2,7 +2,7 @@
 
 use motorium::telemetry::{allocations, counts_allocations, set_apart};
 use motorium_physics::{
-    ArticulatedSimulator, Ground, Object, ObjectShape, Options, RapierSimulator, Simulator, World,
+    ArticulatedSimulator, Conveyor, Ground, Object, ObjectShape, Options, RapierSimulator, Simulator, World,
 };
 
 use motorium_robots::Kinematics;
@@ -46,9 +46,7 @@ fn cube(name: &str, mass: Option<f64>, x: f64) -> Object {
         shape: ObjectShape::Box { size: [0.1; 3] },
         mass,
         position: [x, 0.5, 0.05],
-        rpy: [0.0; 3],
-        friction: 0.8,
-        restitution: 0.0,
+        ..Object::default()
     }
 }
 
@@ -61,6 +59,21 @@ fn an_arm_in_free_motion_allocates_nothing() {
 #[test]
 fn an_arm_beside_objects_at_rest_allocates_nothing() {
     assert_eq!(articulated(grounded(vec![cube("one", Some(0.5), 1.0), cube("two", Some(0.5), 1.2)])), 0);
+}
+
+#[test]
+fn objects_that_roll_on_a_belt_in_the_wind_allocate_nothing() {
+    let ball = Object {
+        shape: ObjectShape::Sphere { radius: 0.05 },
+        rolling_friction: 1e-3,
+        torsional_friction: 1e-3,
+        drag: 0.01,
+        ..cube("ball", Some(0.5), 1.0)
+    };
+    let belt = Some(Conveyor { velocity: [0.2, 0.1, 0.0] });
+    let ground = Some(Ground { rolling_friction: 1e-3, conveyor: belt, ..Ground::default() });
+    let objects = vec![ball, cube("parcel", Some(0.5), 1.4)];
+    assert_eq!(articulated(World { ground, objects, wind: [0.0, 3.0, 0.0], ..World::default() }), 0);
 }
 
 #[test]

@@ -11,7 +11,15 @@ use crate::panda;
 const DT: f64 = 1e-3;
 
 fn object(name: &str, shape: ObjectShape, mass: Option<f64>, position: [f64; 3]) -> Object {
-    Object { name: name.to_owned(), shape, mass, position, rpy: [0.0; 3], friction: 0.6, restitution: 0.1 }
+    Object {
+        name: name.to_owned(),
+        shape,
+        mass,
+        position,
+        friction: 0.6,
+        restitution: 0.1,
+        ..Object::default()
+    }
 }
 
 /// A Panda beside a table with a stack of two cubes, a ball and a can.

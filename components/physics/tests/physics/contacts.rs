@@ -13,7 +13,7 @@ use crate::panda;
 const DT: f64 = 1e-3;
 
 fn object(name: &str, shape: ObjectShape, mass: Option<f64>, position: [f64; 3]) -> Object {
-    Object { name: name.to_owned(), shape, mass, position, rpy: [0.0; 3], friction: 0.8, restitution: 0.0 }
+    Object { name: name.to_owned(), shape, mass, position, ..Object::default() }
 }
 
 fn grounded(objects: Vec<Object>) -> World {

@@ -19,6 +19,7 @@ fn simulation(engine: Engine) -> Box<dyn Simulator> {
         rpy: [0.1, 0.2, 0.3],
         friction: 0.5,
         restitution: 0.2,
+        ..Object::default()
     };
     let world = World {
         ground: Some(Ground::default()),

@@ -48,4 +48,16 @@ impl Engine {
             Self::Mujoco => Box::new(MujocoSimulator::new(model, world, q, options).unwrap()),
         }
     }
+
+    /// Words against a pendulum in `world`.
+    pub(crate) fn refuse(self, world: World) -> String {
+        let pendulum = motorium_robots::load("pendulum", std::path::Path::new(".")).unwrap().model;
+        let options = Options::default();
+        let refused = match self {
+            Self::Articulated => ArticulatedSimulator::new(pendulum, world, &[0.0], options).map(drop),
+            Self::Rapier => RapierSimulator::new(pendulum, world, &[0.0], options).map(drop),
+            Self::Mujoco => MujocoSimulator::new(pendulum, world, &[0.0], options).map(drop),
+        };
+        refused.unwrap_err().to_string()
+    }
 }

@@ -228,9 +228,7 @@ fn objects_stack_and_are_pushed_by_a_robot() {
         shape: ObjectShape::Box { size: [0.1; 3] },
         mass,
         position,
-        rpy: [0.0; 3],
-        friction: 0.8,
-        restitution: 0.0,
+        ..Object::default()
     };
     let world = grounded(vec![
         cube("below", Some(1.0), [1.0, 0.0, 0.05]),
@@ -283,9 +281,7 @@ fn a_ball_rests_on_a_fixed_box_and_a_lying_capsule_on_the_ground() {
         shape: ObjectShape::Box { size: [0.5, 0.5, 0.2] },
         mass: None,
         position: [0.0, 0.0, 0.1],
-        rpy: [0.0; 3],
-        friction: 0.8,
-        restitution: 0.0,
+        ..Object::default()
     };
     let mut simulation =
         ArticulatedSimulator::new(body(BALL), grounded(vec![block]), &at(0.35), Options::default()).unwrap();

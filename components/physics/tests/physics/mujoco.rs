@@ -237,9 +237,9 @@ fn a_ball_comes_back_with_its_restitution() {
             shape: ObjectShape::Sphere { radius: 0.1 },
             mass: Some(1.0),
             position: [1.0, 0.0, 0.6],
-            rpy: [0.0; 3],
             friction: 0.5,
             restitution,
+            ..Object::default()
         };
         let ground = Some(Ground { restitution, ..Ground::default() });
         let world = World { ground, objects: vec![ball], ..World::default() };
@@ -313,9 +313,7 @@ fn balls_meet_a_terrain_at_its_height_everywhere() {
         shape: ObjectShape::Sphere { radius },
         mass: Some(1.0),
         position: [place[0], place[1], field.height(place[0], place[1]) + 0.15],
-        rpy: [0.0; 3],
-        friction: 0.8,
-        restitution: 0.0,
+        ..Object::default()
     };
     let objects: Vec<Object> = places.iter().enumerate().map(ball).collect();
     let world = World { terrain: Some(terrain), objects, ..World::default() };

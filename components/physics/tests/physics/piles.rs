@@ -11,9 +11,8 @@ pub(crate) fn cube(name: &str, position: [f64; 3]) -> Object {
         shape: ObjectShape::Box { size: [0.1; 3] },
         mass: Some(0.5),
         position,
-        rpy: [0.0; 3],
         friction: 0.6,
-        restitution: 0.0,
+        ..Object::default()
     }
 }
 
@@ -72,4 +71,24 @@ fn a_wall_of_many_contact_points_stands_and_the_ground_bears_it() {
         let at = simulation.object_pose(simulation.object(&name).unwrap()).translation.vector;
         assert!((at - Vector3::from(start)).norm() < 2e-3, "{name} at {at}");
     }
+}
+
+/// A box that drops on a ground, beside a pendulum that hangs `above` it \[m\], after half a second.
+fn dropped(contact_iterations: usize, above: f64) -> [u64; 3] {
+    let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
+    let pendulum = pendulum.placed(&Isometry3::translation(0.0, 0.0, 1.1 + above));
+    let tilted = Object { rpy: [0.3, 0.2, 0.0], ..cube("box", [0.0, 0.0, 0.2]) };
+    let world = World { ground: Some(Ground::default()), objects: vec![tilted], ..World::default() };
+    let options = Options { contact_iterations, ..Options::default() };
+    let mut simulation = ArticulatedSimulator::new(pendulum, world, &[0.0], options).unwrap();
+    (0..500).for_each(|_| _ = simulation.step(1e-3).unwrap());
+    let place = simulation.object_pose(simulation.object("box").unwrap()).translation.vector;
+    [place.x, place.y, place.z].map(f64::to_bits)
+}
+
+#[test]
+fn the_steps_of_grasps_are_for_objects_near_a_robot_and_for_no_others() {
+    assert_eq!(dropped(1, 30.0), dropped(4, 30.0));
+    // The end of the rod is half a centimetre above the box as it starts.
+    assert_ne!(dropped(1, 0.162), dropped(4, 0.162));
 }

@@ -26,7 +26,7 @@ fn world(scale: f64) -> World {
             position: [0.6, 0.1 * scale, 0.0505],
             rpy: [0.0, 0.0, 0.3 * scale],
             friction: 0.6 * scale,
-            restitution: 0.0,
+            ..Object::default()
         }],
         ..World::default()
     }

@@ -187,8 +187,7 @@ fn a_robot_of_one_free_body_moves_as_a_free_object_does() {
         mass: Some(2.0),
         position,
         rpy: [0.3, 0.2, 0.0],
-        friction: 0.8,
-        restitution: 0.0,
+        ..Object::default()
     };
     // Both fall onto the ground ten metres apart.
     let far = object("far", [10.0, 0.0, 0.3]);
@@ -218,7 +217,7 @@ fn a_saved_state_of_several_robots_goes_on_to_the_bit_and_a_reset_one_starts_ane
         position: [0.0, 0.0, 0.6],
         rpy: [0.1, 0.2, 0.0],
         friction: 0.5,
-        restitution: 0.0,
+        ..Object::default()
     };
     let mut simulation: ArticulatedSimulator = simulate(&robots.each_ref(), grounded(vec![cube.clone()]));
     let held: Vec<_> = robots.iter().flat_map(|robot| robot.commands.clone()).collect();

@@ -99,11 +99,40 @@ fn a_graph_that_needs_a_floating_base_tells_what_rapier_lacks() {
     let error = check(graph_text("physics.rapier")).expect_err("rapier has no floating bases");
     let text = error.render(false);
     assert!(text.contains("floating base") && text.contains("physics.articulated"), "{text}");
-    let drawn = graph_text("physics.articulated").replacen(
-        "rate = \"1 kHz\"",
-        "rate = \"1 kHz\"\nconfig = { randomise = { gravity = [0.9, 1.1] } }",
-        1,
-    );
-    let text = check(drawn).expect_err("draws for several").render(false);
-    assert!(text.contains("randomise"), "{text}");
+}
+
+#[test]
+fn every_robot_of_several_that_float_draws_its_own_masses_start_and_place() {
+    for kind in ["physics.articulated"].into_iter().chain(has_mujoco().then_some("physics.mujoco")) {
+        // MuJoCo's hard ground throws a robot up that starts with a foot in it.
+        let start = if kind == "physics.mujoco" { "" } else { "start = [-0.05, 0.05], " };
+        let config = format!(
+            "rate = \"1 kHz\"\nconfig = {{ randomise = {{ mass = [0.9, 1.1], {start}base = {{ x = [0.2, 0.4], z = [0.0, 0.01] }}, \
+             robots = {{ arm = {{ mass = [2.0, 2.0] }} }} }} }}"
+        );
+        let text = format!("seed = 4\n{}", graph_text(kind).replacen("rate = \"1 kHz\"", &config, 1));
+        let mut plan = check(text).unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+        plan.duration_ns = Some(300_000_000);
+        let report = run(plan, &registry(), &RunOptions::inline(), &mut |_| ()).unwrap();
+        let physics = &report.results["physics"];
+        let drawn = &physics["randomised"][0]["robots"];
+        let masses = |robot: &str| -> Vec<f64> {
+            drawn[robot]["mass"].as_object().unwrap().values().map(|mass| mass.as_f64().unwrap()).collect()
+        };
+        assert_eq!(masses("arm"), [2.0; 9], "{kind}");
+        let (one, two) = (masses("one"), masses("two"));
+        assert!(one.len() == 13 && one.iter().all(|mass| (0.9..=1.1).contains(mass)), "{kind}: {one:?}");
+        assert_ne!(one, two, "{kind}: equal robots draw differently");
+        assert!(drawn["arm"]["base"].is_null(), "{kind}: the arm is fixed to the world");
+        for (name, x) in [("one", 0.0), ("two", 3.0)] {
+            let along = drawn[name]["base"]["x"].as_f64().unwrap();
+            let position = &physics["robots"][name]["base_position"];
+            let (found, height) = (position[0].as_f64().unwrap(), position[2].as_f64().unwrap());
+            assert!(
+                (0.2..0.4).contains(&along) && (found - x - along).abs() < 0.05,
+                "{kind}: {name} at {position}"
+            );
+            assert!((0.1..0.3).contains(&height), "{kind}: {name} at {position}");
+        }
+    }
 }

@@ -29,9 +29,9 @@ fn ball(restitution: f64) -> World {
         shape: ObjectShape::Sphere { radius: 0.05 },
         mass: Some(0.2),
         position: [0.0, 0.0, 0.6],
-        rpy: [0.0; 3],
         friction: 0.5,
         restitution,
+        ..Object::default()
     };
     World { objects: vec![ball], ..World::default() }
 }

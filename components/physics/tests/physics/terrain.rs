@@ -58,7 +58,7 @@ fn a_box_slides_down_a_slope_as_coulomb_says_and_rests_on_one_that_is_less_steep
             position: [1.0 - 0.5 * side * angle.sin(), 0.02, angle.tan() + 0.5 * side * angle.cos()],
             rpy: [0.0, -angle, 0.0],
             friction,
-            restitution: 0.0,
+            ..Object::default()
         };
         let world = World { objects: vec![cube], ..terrain(&layers) };
         let mut simulation =

@@ -33,8 +33,8 @@ pub(super) struct Randomiser {
     nominal: Properties,
     /// Start without a displacement (nq).
     q: Vec<f64>,
-    /// A floating base that is put on the ground.
-    on_ground: bool,
+    /// Articulations whose floating base is put on the ground.
+    on_ground: Vec<usize>,
     /// One for each robot.
     outputs: Vec<Output<Message>>,
     /// The draws of the newest episodes, the present one last.
@@ -74,7 +74,7 @@ impl Randomiser {
     /// `None` where nothing is drawn.
     pub(super) fn open<E: PhysicsEngine>(
         config: &RandomiseConfig,
-        (simulation, robots, on_ground): (&Simulation<E>, &[BuiltRobot], bool),
+        (simulation, robots, on_ground): (&Simulation<E>, &[BuiltRobot], Vec<usize>),
         setup: &mut Setup,
     ) -> Result<Option<Self>, ConfigureError> {
         if config.is_empty() {
@@ -108,12 +108,17 @@ impl Randomiser {
         let start = scene.varied(&self.quantities, &values);
         let v = vec![0.0; simulation.velocity().len()];
         simulation.reset_with(&start.properties, &start.q, &v)?;
-        if self.on_ground && start.moved {
-            E::prepare(simulation, &[0]);
+        if start.moved && !self.on_ground.is_empty() {
+            E::prepare(simulation, &self.on_ground);
         }
-        if start.lift != 0.0 {
+        if start.lifts.iter().any(|lift| *lift != 0.0) {
             let mut q = simulation.configuration().to_vec();
-            q[2] += start.lift;
+            for (own, lift) in simulation.articulations().iter().zip(&start.lifts) {
+                // One that is fixed has no height of its own.
+                if own.model().base().floating {
+                    q[own.q().start + 2] += lift;
+                }
+            }
             simulation.reset(&q, &v)?;
         }
         if self.episodes.len() == REPORTED {

@@ -32,9 +32,11 @@ impl Quantity {
     }
 }
 
-/// The part of the simulation's model that one robot is.
+/// The part of the simulation's models that one robot is.
 #[derive(Clone, Debug)]
 pub(super) struct Share {
+    /// The articulation that it is, or is part of.
+    articulation: usize,
     /// Its first body.
     bodies: usize,
     /// Its first joint.
@@ -55,26 +57,25 @@ pub(super) struct Scene<'a> {
 pub(super) struct Start {
     pub(super) properties: Properties,
     pub(super) q: Vec<f64>,
-    /// Displacement of the base upwards \[m\].
-    pub(super) lift: f64,
-    /// The posture or the place of the base differs from the nominal one.
+    /// Displacement of the base of each articulation upwards \[m\].
+    pub(super) lifts: Vec<f64>,
+    /// The posture or the place of a base differs from the nominal one.
     pub(super) moved: bool,
 }
 
-/// The part that each robot has in the model of all.
+/// The part that each robot has in the model of its articulation.
 pub(super) fn shares(robots: &[BuiltRobot]) -> Vec<Share> {
-    let (mut body, mut joint) = (0, 0);
-    let mut share = |robot: &BuiltRobot| {
-        let model = &robot.loaded.model;
-        let share = Share {
-            bodies: body,
-            joints: joint,
-            prefix: robot.name.as_ref().map(|name| format!("{name}/")).unwrap_or_default(),
-        };
-        (body, joint) = (body + model.bodies().len(), joint + model.joint_count());
-        share
+    let share = |(index, robot): (usize, &BuiltRobot)| {
+        // Robots of one articulation stand in it in their order.
+        let before = || robots[..index].iter().filter(|other| other.articulation == robot.articulation);
+        Share {
+            articulation: robot.articulation,
+            bodies: before().map(|other| other.loaded.model.bodies().len()).sum(),
+            joints: before().map(|other| other.loaded.model.joint_count()).sum(),
+            prefix: robot.prefix(),
+        }
     };
-    robots.iter().map(&mut share).collect()
+    robots.iter().enumerate().map(share).collect()
 }
 
 /// Checks the ranges and lists all quantities, in the order of the message.
@@ -95,6 +96,7 @@ pub(super) fn quantities(
     }
     for (index, robot) in robots.iter().enumerate() {
         of_robot(config, (index, robot), &mut list)?;
+        of_base(config, (index, robots), &mut list)?;
         let world = list.0.iter().filter(|quantity| quantity.robot.is_none()).count();
         let own = list.0.iter().filter(|quantity| quantity.robot == Some(index)).count();
         if world + own > MAX_DRAWN {
@@ -186,7 +188,6 @@ fn of_robot(
 ) -> Result<(), ConfigError> {
     let (name, model) = (robot.name.as_deref(), &robot.loaded.model);
     let ranges = config.of_robot(name);
-    let floating = model.base().floating;
     let mut add = |property: u32, key: &str, parts: Vec<(u32, &str)>, interval: Option<Interval>, allowed| {
         let Some(interval) = interval else { return Ok(()) };
         let written = config.key_of_robot(name, key);
@@ -206,7 +207,7 @@ fn of_robot(
         Ok(())
     };
     let bodies = model.bodies().iter().enumerate().filter(|(_, body)| body.inertia.mass > 0.0);
-    let base = floating.then(|| (Message::BASE, model.frames()[0].name.as_str()));
+    let base = model.base().floating.then(|| (Message::BASE, model.frames()[0].name.as_str()));
     let bodies = base.into_iter().chain(bodies.map(|(index, body)| (index as u32, body.name.as_str())));
     add(Message::BODY_MASS, "mass", bodies.collect(), ranges.mass, Allowed::Positive)?;
     let whole = || vec![(0, "")];
@@ -226,7 +227,16 @@ fn of_robot(
     add(Message::JOINT_FRICTION, "joint_friction", rubbing, ranges.joint_friction, Allowed::Factor)?;
     let limited = joints(&|joint| model.effort_limit()[joint].is_finite());
     add(Message::EFFORT_LIMIT, "effort_limit", limited, ranges.effort_limit, Allowed::Factor)?;
-    add(Message::START, "start", joints(&|_| true), ranges.start, Allowed::Displacement)?;
+    add(Message::START, "start", joints(&|_| true), ranges.start, Allowed::Displacement)
+}
+
+/// The place of the base of a robot that floats. Ranges that no robot can use are refused.
+fn of_base(
+    config: &RandomiseConfig,
+    (index, robots): (usize, &[BuiltRobot]),
+    list: &mut List,
+) -> Result<(), ConfigError> {
+    let floats = |robot: &BuiltRobot| robot.loaded.model.base().floating;
     let place = &config.base;
     for (property, key, interval) in [
         (Message::BASE_X, "x", place.x),
@@ -234,14 +244,19 @@ fn of_robot(
         (Message::BASE_Z, "z", place.z),
         (Message::BASE_YAW, "yaw", place.yaw),
     ] {
-        let key = ["base", key];
-        if interval.is_some() && !floating {
+        let Some(interval) = interval else { continue };
+        let written = format!("base.{key}");
+        if !robots.iter().any(floats) {
             let message = "a displacement of a base that is fixed to the world";
-            return Err(
-                ConfigError::key(format!("randomise.{}", key.join(".")), message).advise("leave it out")
-            );
+            return Err(ConfigError::key(format!("randomise.{written}"), message).advise("leave it out"));
         }
-        list.add((property, 0), &key, (interval, Allowed::Displacement), Some(index))?;
+        interval.check(&written, Allowed::Displacement)?;
+        if !floats(&robots[index]) {
+            continue;
+        }
+        let of_several = robots[index].name.iter().flat_map(|name| ["robots".to_owned(), name.clone()]);
+        let path = of_several.chain(["base".to_owned(), key.to_owned()]).collect();
+        list.0.push(Quantity { property, part: 0, path, interval, robot: Some(index) });
     }
     Ok(())
 }
@@ -249,18 +264,25 @@ fn of_robot(
 impl Scene<'_> {
     /// The start of an episode with `values`, one for each quantity.
     pub(super) fn varied(&self, quantities: &[Quantity], values: &[f64]) -> Start {
-        let (model, mut world) = (&self.nominal.model, self.nominal.world.clone());
+        let mut world = self.nominal.world.clone();
         let mut surfaces = self.nominal.surfaces.clone();
-        let (mut base, mut factors) = (1.0, vec![BodyFactors::default(); model.bodies().len()]);
-        let (mut q, mut lift, mut moved) = (self.q.to_vec(), 0.0, false);
+        let models: Vec<&Model> = core::iter::once(&self.nominal.model).chain(&self.nominal.others).collect();
+        let mut bases = vec![1.0; models.len()];
+        let mut of_bodies: Vec<Vec<BodyFactors>> =
+            models.iter().map(|model| vec![BodyFactors::default(); model.bodies().len()]).collect();
+        let (mut q, mut lifts, mut moved) = (self.q.to_vec(), vec![0.0; models.len()], false);
         for (quantity, &value) in quantities.iter().zip(values) {
             let part = quantity.part as usize;
             let share = quantity.robot.map(|robot| &self.shares[robot]);
-            let joint = share.map_or(0, |share| share.joints) + part;
+            let (articulation, bodies, joints) =
+                share.map_or((0, 0, 0), |share| (share.articulation, share.bodies, share.joints));
+            let (model, joint) = (models[articulation], joints + part);
+            let factors = &mut of_bodies[articulation];
+            let start: usize = models[..articulation].iter().map(|model| model.nq()).sum();
             match quantity.property {
                 Message::GRAVITY => world.gravity.iter_mut().for_each(|g| *g *= value),
-                Message::BODY_MASS if quantity.part == Message::BASE => base = value,
-                Message::BODY_MASS => factors[share.map_or(0, |share| share.bodies) + part].mass = value,
+                Message::BODY_MASS if quantity.part == Message::BASE => bases[articulation] = value,
+                Message::BODY_MASS => factors[bodies + part].mass = value,
                 Message::DAMPING => {
                     of_joint(model, joint).for_each(|body| factors[body].damping = value);
                 }
@@ -270,17 +292,17 @@ impl Scene<'_> {
                 Message::EFFORT_LIMIT => factors[model.joint_body(joint)].effort_limit = value,
                 Message::START => {
                     let (lower, upper) = (model.lower()[joint], model.upper()[joint]);
-                    let at = q.len() - model.joint_count() + joint;
+                    let at = start + model.nq() - model.joint_count() + joint;
                     q[at] = (q[at] + value).clamp(lower.min(q[at]), upper.max(q[at]));
                     moved = true;
                 }
                 Message::BASE_X | Message::BASE_Y => {
-                    q[(quantity.property - Message::BASE_X) as usize] += value;
+                    q[start + (quantity.property - Message::BASE_X) as usize] += value;
                     moved = true;
                 }
-                Message::BASE_Z => lift = value,
+                Message::BASE_Z => lifts[articulation] = value,
                 Message::BASE_YAW => {
-                    turn(&mut q[3..7], value);
+                    turn(&mut q[start + 3..start + 7], value);
                     moved = true;
                 }
                 Message::TERRAIN_SEED | Message::TERRAIN_SCALE => {
@@ -303,8 +325,11 @@ impl Scene<'_> {
                 _ => self.set_surfaces(&mut surfaces, quantity, value),
             }
         }
-        let model = model.with_factors(base, &factors);
-        Start { properties: Properties { model, world, surfaces, ..self.nominal.clone() }, q, lift, moved }
+        let varied = models.iter().zip(&bases).zip(&of_bodies);
+        let mut varied = varied.map(|((model, base), factors)| model.with_factors(*base, factors));
+        let model = varied.next().unwrap_or_else(|| self.nominal.model.clone());
+        let others = varied.collect();
+        Start { properties: Properties { model, others, world, surfaces }, q, lifts, moved }
     }
 
     /// Sets the friction or the restitution of the surfaces that a quantity is about.

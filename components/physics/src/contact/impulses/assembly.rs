@@ -3,7 +3,7 @@
 use core::ops::Range;
 
 use super::super::cone::PointAnswer;
-use super::super::site::{ObjectRow, Side};
+use super::super::site::{Couple, ObjectRow, Side};
 use super::super::sweeps::{Island, Reduced};
 use super::{IMMOVABLE, Impulses, inverse};
 
@@ -25,8 +25,14 @@ impl Impulses {
                     }
                 }
             }
-            self.aim(index, self.cone.delassus[3 * local * rows + 3 * local]);
+            let diagonal = [0, 1, 2].map(|row| self.cone.delassus[(3 * local + row) * (rows + 1)]);
+            self.aim(index, diagonal);
             let site = &self.sites[index];
+            self.cone.couples[local] = site.couple.map(|couple| Couple {
+                // Contact points come first, and in order.
+                point: places.clone().take_while(|place| self.islands.point(*place) < couple.point).count(),
+                ..couple
+            });
             (self.cone.target[local], self.cone.friction[local]) = (site.target, site.friction);
             self.cone.immovable[local] = site.immovable;
             self.cone.velocity[3 * local..][..3].copy_from_slice(&site.free);
@@ -45,15 +51,16 @@ impl Impulses {
         for place in places.clone() {
             let index = self.islands.point(place);
             let own = self.own_block(index);
-            self.aim(index, own[0][0]);
-            self.sites[index].answer = PointAnswer::new(&own);
+            self.aim(index, [own[0][0], own[1][1], own[2][2]]);
             let site = &mut self.sites[index];
+            site.answer =
+                if site.couple.is_some() { PointAnswer::couple(&own) } else { PointAnswer::new(&own) };
             // That of the objects is in their own velocities.
             for (free, falling) in site.free.iter_mut().zip(site.falling) {
                 *free -= falling;
             }
             for side in site.sides {
-                if let Side::Object(object, _) = side {
+                if let Some(object) = side.object() {
                     let (own, falling) = (&mut self.bodies[object], &self.falling[object]);
                     (own.linear, own.angular) = (falling.linear, falling.angular);
                 }
@@ -65,12 +72,13 @@ impl Impulses {
         Island { sites, lambda, bodies, reduced, sum, room, places, point }.solve();
     }
 
-    /// Adapts the target of a contact point to its mobility along the normal \[1/kg\].
-    fn aim(&mut self, index: usize, mobility: f64) {
+    /// Adapts the target of a contact point to its mobility along the normal \[1/kg\], the first of its three.
+    fn aim(&mut self, index: usize, [mobility, one, other]: [f64; 3]) {
         let site = &mut self.sites[index];
         let of_robots: f64 = site.articulations().map(|of| self.masses[of]).sum();
         let mass = if of_robots > 0.0 { of_robots } else { self.masses.iter().sum() };
         let inverse_mass = inverse(mass);
+        let mobility = if site.couple.is_some() { mobility.max(one).max(other) } else { mobility };
         site.immovable = mobility < IMMOVABLE * inverse_mass;
         if site.overlapping {
             site.target = (mobility / inverse_mass).min(1.0).sqrt() * site.recovery;
@@ -82,16 +90,21 @@ impl Impulses {
         let mut own = [[0.0; 3]; 3];
         let site = &self.sites[index];
         for side in site.sides {
-            let Side::Object(object, arm) = side else { continue };
+            let Some(object) = side.object() else { continue };
             let body = &self.bodies[object];
-            let turns = site.axes.map(|axis| arm.cross(&axis));
+            let turns = match side {
+                Side::Object(_, arm) => site.axes.map(|axis| arm.cross(&axis)),
+                _ => site.axes,
+            };
             for (row, turn) in own.iter_mut().zip(&turns) {
                 let response = body.inverse_inertia * turn;
                 for (entry, turn) in row.iter_mut().zip(&turns) {
                     *entry += response.dot(turn);
                 }
             }
-            (0..3).for_each(|axis| own[axis][axis] += body.inverse_mass);
+            if site.couple.is_none() {
+                (0..3).for_each(|axis| own[axis][axis] += body.inverse_mass);
+            }
         }
         let reduced = &self.reduced[index * self.n..][..self.n];
         for &k in &self.support[index * self.n..][..self.supported[index]] {

@@ -1,13 +1,14 @@
 //! The impulses at all contact points of a step, found together.
 
 mod assembly;
+mod couples;
 mod sleeping;
 mod warm;
 
 use core::ops::Range;
 
 use motorium_robots::MassFactor;
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 
 use super::colliders::Owner;
 use super::cone::ConeSolver;
@@ -46,7 +47,8 @@ const DENSE_FREE: usize = 12;
 /// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid. Overlap
 /// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy than the
 /// robot's mass has at that speed: where joints hardly let a point move, recovery is slower. The impulses of the last
-/// step are the first guess.
+/// step are the first guess. Surfaces that resist rolling or spinning add [torques](couples), each within a bound of its own
+/// that grows with `lambda_n`.
 ///
 /// A is made of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact points that
 /// no chain of blocks joins are [islands](Islands) and solved apart: small ones over their matrix W, large ones
@@ -172,7 +174,7 @@ impl Impulses {
         points: &[ContactPoint],
         v: &[f64],
         (before, falling): (&[FreeBody], &[FreeBody]),
-        slopes: impl Fn(Owner, &ContactPoint, &[Vector3<f64>; 3], f64, &mut [[f64; 4]]),
+        slopes: impl Fn(Owner, &Point3<f64>, &[Vector3<f64>; 3], f64, &mut [[f64; 4]]),
     ) {
         let mut last = core::mem::take(&mut self.last);
         last.clear();
@@ -206,7 +208,7 @@ impl Impulses {
             }
             for (owner, sign) in [(point.owners.0, 1.0), (point.owners.1, -1.0)] {
                 if let Some(of) = owner.articulation() {
-                    slopes(owner, point, &site.axes, sign, &mut columns[self.parts[of].clone()]);
+                    slopes(owner, &point.point, &site.axes, sign, &mut columns[self.parts[of].clone()]);
                 }
             }
             site.falling = [0, 1, 2].map(|axis| site.speed(axis, falling));
@@ -217,8 +219,8 @@ impl Impulses {
                     columns[part.clone()].iter().zip(&v[part]).map(|(column, v)| column[0] * v).sum::<f64>();
             }
             now += site.speed(0, before);
-            site.target = if point.distance + h * now < 0.0 && now * point.restitution < -0.01 {
-                -point.restitution * now
+            site.target = if point.distance + h * now < 0.0 && now * point.law.restitution < -0.01 {
+                -point.law.restitution * now
             } else if point.distance > 0.0 {
                 -point.distance / h
             } else {
@@ -228,6 +230,7 @@ impl Impulses {
             };
             self.sites.push(site);
         }
+        self.prepare_couples(points, falling, slopes);
     }
 
     /// Gives the objects the velocities that the impulses lead to.
@@ -235,11 +238,16 @@ impl Impulses {
         for (index, site) in self.sites.iter().enumerate() {
             let impulse = site.vector(&self.lambda[3 * index..]);
             for (side, sign) in site.sides.iter().zip([1.0, -1.0]) {
-                if let Side::Object(object, arm) = side {
-                    let mobility = &self.bodies[*object];
-                    bodies[*object].linear += impulse * (sign * mobility.inverse_mass);
-                    bodies[*object].angular += mobility.inverse_inertia * arm.cross(&impulse) * sign;
-                }
+                let Some(object) = side.object() else { continue };
+                let (mobility, body) = (&self.bodies[object], &mut bodies[object]);
+                let moment = match side {
+                    Side::Object(_, arm) => {
+                        body.linear += impulse * (sign * mobility.inverse_mass);
+                        arm.cross(&impulse)
+                    }
+                    _ => impulse,
+                };
+                body.angular += mobility.inverse_inertia * moment * sign;
             }
         }
     }
@@ -322,8 +330,8 @@ impl Impulses {
                 support.iter_mut().for_each(|k| *k += part.start as u32);
             }
         }
-        for ((free, velocity), falling) in site.free.iter_mut().zip(velocity).zip(site.falling) {
-            *free = velocity + falling;
+        for (axis, free) in site.free.iter_mut().enumerate() {
+            *free = velocity[axis] + site.falling[axis] + site.conveyed[axis];
         }
     }
 

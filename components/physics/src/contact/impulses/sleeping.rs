@@ -10,15 +10,18 @@ impl Impulses {
     /// Sorts contact points by islands.
     pub(crate) fn sort(&mut self, points: &[ContactPoint]) {
         let articulations = self.parts.len();
-        let owners = points.iter().map(|point| bodies_of(point, articulations));
-        self.islands.find(owners);
+        let of_points = points.iter().map(|point| bodies_of(point, articulations));
+        let couples = points.iter().filter(|point| point.law.resists_turning());
+        self.islands.find(of_points.chain(couples.map(|point| bodies_of(point, articulations))));
     }
 
-    /// Finds the bodies of islands with a contact point nearer than `least` \[m\], as points were sorted last.
+    /// Finds the bodies of islands in which a robot is nearer than `least` \[m\] to what it may hold, as points were sorted last.
     pub(crate) fn find_near(&mut self, points: &[ContactPoint], least: f64, near: &mut [bool]) {
         self.pending.clear();
         self.pending.resize(self.islands.count(), false);
-        for (index, _) in points.iter().enumerate().filter(|(_, point)| point.distance < least) {
+        let grasps =
+            points.iter().enumerate().filter(|(_, point)| point.distance < least && point.is_grasp());
+        for (index, _) in grasps {
             if let Some(island) = self.islands.island(index) {
                 self.pending[island] = true;
             }
@@ -72,7 +75,7 @@ impl Impulses {
                 self.sites[self.islands.point(place)].sides.iter().all(|side| match side {
                     Side::World => true,
                     Side::Articulation(_) => false,
-                    Side::Object(object, _) => bodies[*object].is_drowsy(),
+                    Side::Object(object, _) | Side::Turned(object) => bodies[*object].is_drowsy(),
                 })
             });
             if !calm {
@@ -80,7 +83,7 @@ impl Impulses {
             }
             for place in places {
                 for side in self.sites[self.islands.point(place)].sides {
-                    if let Side::Object(object, _) = side {
+                    if let Some(object) = side.object() {
                         bodies[object].sleep();
                     }
                 }

@@ -1,0 +1,71 @@
+//! The air around objects, and its drag.
+
+use nalgebra::Vector3;
+
+use crate::World;
+
+/// The air of a world.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Air {
+    /// Its velocity, world axes \[m/s\].
+    wind: Vector3<f64>,
+    /// \[kg/m3\]
+    density: f64,
+}
+
+impl Air {
+    pub(crate) fn new(world: &World) -> Self {
+        Self { wind: world.wind.into(), density: world.air_density }
+    }
+
+    /// Velocity \[m/s\] of a body of this drag area \[m2\] and mass \[kg\] after `h` \[s\] in the air, from `velocity`.
+    ///
+    /// The drag is that at the end: the speed `s` relative to the air obeys `s + h k s^2 = s_0` with `k = density drag / (2 mass)`,
+    /// which has one solution for any `h`, and whose limit under gravity is the terminal velocity itself.
+    pub(crate) fn slowed(&self, (drag, mass): (f64, f64), velocity: Vector3<f64>, h: f64) -> Vector3<f64> {
+        if drag == 0.0 {
+            return velocity;
+        }
+        let relative = velocity - self.wind;
+        let k = 0.5 * self.density * drag / mass;
+        self.wind + relative * (2.0 / (1.0 + (1.0 + 4.0 * h * k * relative.norm()).sqrt()))
+    }
+
+    /// The mean force of the air \[N\] on the same body during a step of `h` \[s\] under `gravity` \[m/s2\].
+    pub(crate) fn force(
+        &self,
+        (drag, mass): (f64, f64),
+        velocity: Vector3<f64>,
+        gravity: &Vector3<f64>,
+        h: f64,
+    ) -> Vector3<f64> {
+        let falling = velocity + gravity * h;
+        (self.slowed((drag, mass), falling, h) - falling) * (mass / h)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_body_that_coasts_in_still_air_slows_down_as_the_closed_form_says() {
+        let air = Air::new(&World::default());
+        // v' = -k v^2 from v0: v = v0 / (1 + k v0 t).
+        let (drag, mass, start) = (0.02, 0.5, 30.0);
+        let k = 0.5 * 1.225 * drag / mass;
+        let mut velocity = Vector3::new(0.0, start, 0.0);
+        for _ in 0..20_000 {
+            velocity = air.slowed((drag, mass), velocity, 1e-4);
+        }
+        let expected = start / (1.0 + k * start * 2.0);
+        assert!((velocity.y - expected).abs() < 1e-4 * expected, "{velocity}, {expected}");
+    }
+
+    #[test]
+    fn no_step_is_too_long_for_the_drag() {
+        let air = Air::new(&World { wind: [8.0, 0.0, 0.0], ..World::default() });
+        let velocity = air.slowed((1e3, 1e-3), Vector3::new(-50.0, 3.0, 0.0), 0.1);
+        assert!((velocity - Vector3::new(8.0, 0.0, 0.0)).norm() < 0.1, "{velocity}");
+    }
+}

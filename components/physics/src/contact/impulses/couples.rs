@@ -1,0 +1,71 @@
+//! Torques against rolling and spinning, one site each after all contact points.
+
+use nalgebra::{Point3, Vector3};
+
+use super::super::colliders::Owner;
+use super::super::detect::ContactPoint;
+use super::super::objects::FreeBody;
+use super::super::site::Site;
+use super::Impulses;
+
+/// Part of the key of the torques at a contact point, which is otherwise that of the point.
+const COUPLE: u64 = 1 << 62;
+
+impl Impulses {
+    /// Sets up the torques at contact points whose surfaces resist turning, in their order.
+    pub(super) fn prepare_couples(
+        &mut self,
+        points: &[ContactPoint],
+        falling: &[FreeBody],
+        slopes: impl Fn(Owner, &Point3<f64>, &[Vector3<f64>; 3], f64, &mut [[f64; 4]]),
+    ) {
+        let n = self.n;
+        let mut expected = points.len().min(self.last.len());
+        for (place, point) in points.iter().enumerate().filter(|(_, point)| point.law.resists_turning()) {
+            let index = self.sites.len();
+            let (key, h) = (point.key | COUPLE, point.h);
+            let (warm, found) = self.of_last(key, h, expected);
+            expected = found.map_or(expected, |found| (found + 1) % self.last.len());
+            self.keys.push((key, h));
+            self.lambda[3 * index..][..3].copy_from_slice(&warm);
+            if point.kept {
+                self.sites.push(Site::KEPT);
+                continue;
+            }
+            let mut site = Site::couple(place, point);
+            let columns = &mut self.jacobian[index * n..][..n];
+            for of in site.articulations() {
+                columns[self.parts[of].clone()].fill([0.0; 4]);
+            }
+            for (owner, sign) in [(point.owners.0, 1.0), (point.owners.1, -1.0)] {
+                let Some(of) = owner.articulation() else { continue };
+                let columns = &mut columns[self.parts[of].clone()];
+                // The angular velocity about an axis is that with which a point one unit away along the next axis moves along the
+                // one after, relative to the contact point.
+                let [normal, one, other] = site.axes;
+                let none = Vector3::zeros();
+                let mut add = |arm: &Vector3<f64>, axes: [Vector3<f64>; 3], sign: f64| {
+                    slopes(owner, &(point.point + arm), &axes, sign, columns);
+                };
+                add(&one, [other, none, none], sign);
+                add(&other, [none, normal, none], sign);
+                add(&normal, [none, none, one], sign);
+                add(&none, [other, normal, one], -sign);
+            }
+            site.falling = [0, 1, 2].map(|axis| site.speed(axis, falling));
+            self.sites.push(site);
+        }
+    }
+
+    /// The moments against rolling and spinning, on the first of the two colliders of their contact points: the index of the
+    /// point, and the moment in world axes \[N m s\].
+    pub(crate) fn couples<'a>(
+        &'a self,
+        points: &'a [ContactPoint],
+    ) -> impl Iterator<Item = (usize, Vector3<f64>)> + 'a {
+        let places = points.iter().enumerate().filter(|(_, point)| point.law.resists_turning());
+        places
+            .enumerate()
+            .map(|(place, (index, point))| (index, self.vector(points.len() + place, &point.normal)))
+    }
+}

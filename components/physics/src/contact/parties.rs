@@ -1,0 +1,53 @@
+//! The parties of a contact: what robots may hold is followed in shorter steps than what they stand on.
+
+use super::colliders::Owner;
+use super::detect::ContactPoint;
+
+/// The kind of contact that a pair makes, or may make.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Parties {
+    /// Objects, or objects and the world.
+    Objects,
+    /// A robot with itself or with the world.
+    Robot,
+    /// A robot with an object that moves, or with another robot: it may hold it.
+    Grasp,
+}
+
+impl Parties {
+    pub(super) fn of(a: Owner, b: Owner) -> Self {
+        match (a.is_robot(), b.is_robot()) {
+            (false, false) => Self::Objects,
+            _ if a == Owner::World || b == Owner::World || a.articulation() == b.articulation() => {
+                Self::Robot
+            }
+            _ => Self::Grasp,
+        }
+    }
+}
+
+impl ContactPoint {
+    /// True where a robot meets an object that moves, or another robot.
+    pub(super) fn is_grasp(&self) -> bool {
+        Parties::of(self.owners.0, self.owners.1) == Parties::Grasp
+    }
+}
+
+/// Distances within which contact points are found, whether they may touch in a step or not \[m\].
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Least {
+    /// Of robots, with themselves and the world.
+    pub(crate) robots: f64,
+    /// Of robots with objects that move and with one another.
+    pub(crate) grasps: f64,
+}
+
+impl Least {
+    pub(super) fn of(self, parties: Parties) -> f64 {
+        match parties {
+            Parties::Objects => 0.0,
+            Parties::Robot => self.robots,
+            Parties::Grasp => self.grasps,
+        }
+    }
+}

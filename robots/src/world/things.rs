@@ -1,0 +1,230 @@
+//! The things of a world: the ground and the objects, with their shapes and surfaces.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::{ConvexShape, Geometry};
+
+/// A horizontal plane, solid below.
+///
+/// A treadmill that runs backwards under a robot:
+///
+/// ```
+/// use motorium_robots::World;
+///
+/// let world: World = toml::from_str("ground = { conveyor = { velocity = [-0.5, 0.0, 0.0] } }").unwrap();
+/// assert_eq!(world.ground.unwrap().conveyor.unwrap().velocity[0], -0.5);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Ground {
+    /// Height of the plane (m).
+    pub height: f64,
+    /// Coefficient of friction. That of a contact is the mean of both surfaces'.
+    #[schemars(range(min = 0.0))]
+    pub friction: f64,
+    /// Coefficient of torsional friction (m): the torque about the normal against spinning, per normal force. That of a contact is
+    /// the mean of both surfaces'. Default 0.
+    #[schemars(range(min = 0.0))]
+    pub torsional_friction: f64,
+    /// Coefficient of rolling friction (m): the torque against rolling, per normal force. That of a contact is the mean of both
+    /// surfaces'. Default 0.
+    #[schemars(range(min = 0.0))]
+    pub rolling_friction: f64,
+    /// Share of the approach speed kept after an impact, from 0 to 1. That of a contact is the mean of both surfaces'.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub restitution: f64,
+    /// A surface that moves, as that of a treadmill. Default: it stands still.
+    pub conveyor: Option<Conveyor>,
+}
+
+impl Default for Ground {
+    /// A level plane at z = 0 that stands still, with a friction of 0.8.
+    fn default() -> Self {
+        Self {
+            height: 0.0,
+            friction: DEFAULT_FRICTION,
+            torsional_friction: 0.0,
+            rolling_friction: 0.0,
+            restitution: 0.0,
+            conveyor: None,
+        }
+    }
+}
+
+/// A surface that moves along itself while its body stays where it is, as the belt of a conveyor does.
+///
+/// What lies on it feels friction until it moves with it. It moves by itself, whatever loads it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Conveyor {
+    /// Velocity of the surface relative to its body (m/s), along the axes of the object; of the ground, along those of the world.
+    /// At a contact the part along the surface acts.
+    pub velocity: [f64; 3],
+}
+
+/// An object.
+///
+/// ```
+/// use motorium_robots::{Object, ObjectShape};
+///
+/// let ball = Object {
+///     name: "ball".to_owned(),
+///     shape: ObjectShape::Sphere { radius: 0.03 },
+///     mass: Some(0.05),
+///     rolling_friction: 1e-3,
+///     ..Object::default()
+/// };
+/// assert!(ball.is_dynamic());
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Object {
+    /// Name, unique in the world; neither `ground` nor `terrain` nor that of a robot link.
+    pub name: String,
+    /// Its shape, centred on its origin, of uniform density.
+    pub shape: ObjectShape,
+    /// Mass (kg). Without it the object is fixed.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub mass: Option<f64>,
+    /// Position of its centre (m).
+    pub position: [f64; 3],
+    /// Orientation: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
+    #[serde(default)]
+    pub rpy: [f64; 3],
+    /// Coefficient of friction. That of a contact is the mean of both surfaces'.
+    #[serde(default = "default_friction")]
+    #[schemars(range(min = 0.0))]
+    pub friction: f64,
+    /// Coefficient of torsional friction (m): the torque about the normal against spinning, per normal force. That of a contact is
+    /// the mean of both surfaces'.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub torsional_friction: f64,
+    /// Coefficient of rolling friction (m): the torque against rolling, per normal force. That of a contact is the mean of both
+    /// surfaces'.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub rolling_friction: f64,
+    /// Share of the approach speed kept after an impact, from 0 to 1. That of a contact is the mean of both surfaces'.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub restitution: f64,
+    /// A surface that moves, as that of a conveyor belt. Default: it stands still.
+    #[serde(default)]
+    pub conveyor: Option<Conveyor>,
+    /// Drag area: drag coefficient times frontal area (m2). The air pushes at its centre with half of the density times this times the
+    /// square of the velocity relative to it. Without it, nothing.
+    #[serde(default)]
+    #[schemars(range(min = 0.0))]
+    pub drag: f64,
+}
+
+/// Coefficient of friction of surfaces that do not state theirs.
+const DEFAULT_FRICTION: f64 = 0.8;
+
+fn default_friction() -> f64 {
+    DEFAULT_FRICTION
+}
+
+impl Default for Object {
+    /// A fixed cube with sides of 0.1 m about the origin, called `object`.
+    fn default() -> Self {
+        Self {
+            name: "object".to_owned(),
+            shape: ObjectShape::Box { size: [0.1; 3] },
+            mass: None,
+            position: [0.0; 3],
+            rpy: [0.0; 3],
+            friction: DEFAULT_FRICTION,
+            torsional_friction: 0.0,
+            rolling_friction: 0.0,
+            restitution: 0.0,
+            conveyor: None,
+            drag: 0.0,
+        }
+    }
+}
+
+/// Shapes of objects.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ObjectShape {
+    /// A box.
+    Box {
+        /// Full sides along x, y and z (m).
+        size: [f64; 3],
+    },
+    /// A sphere.
+    Sphere {
+        /// Radius (m).
+        radius: f64,
+    },
+    /// A cylinder along z.
+    Cylinder {
+        /// Radius (m).
+        radius: f64,
+        /// Full length (m).
+        length: f64,
+    },
+}
+
+impl Object {
+    /// Pose of the object at the start.
+    pub fn pose(&self) -> Isometry3<f64> {
+        let [roll, pitch, yaw] = self.rpy;
+        Isometry3::from_parts(
+            Translation3::from(self.position),
+            UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+        )
+    }
+
+    /// True when it has a mass, and so moves.
+    pub fn is_dynamic(&self) -> bool {
+        self.mass.is_some()
+    }
+}
+
+impl ObjectShape {
+    /// Principal moments of inertia of `mass` \[kg\] spread evenly over the shape, about its centre \[kg m2\].
+    pub fn principal_inertia(&self, mass: f64) -> Vector3<f64> {
+        match *self {
+            Self::Box { size: [x, y, z] } => {
+                Vector3::new(y * y + z * z, x * x + z * z, x * x + y * y) * (mass / 12.0)
+            }
+            Self::Sphere { radius } => Vector3::from_element(0.4 * mass * radius * radius),
+            Self::Cylinder { radius, length } => {
+                let across = mass * (3.0 * radius * radius + length * length) / 12.0;
+                Vector3::new(across, across, 0.5 * mass * radius * radius)
+            }
+        }
+    }
+
+    /// The shape as that of a collision model.
+    pub fn geometry(&self) -> Geometry {
+        match *self {
+            Self::Box { size } => Geometry::Box { size: Vector3::from(size) },
+            Self::Sphere { radius } => Geometry::Sphere { radius },
+            Self::Cylinder { radius, length } => Geometry::Cylinder { radius, length },
+        }
+    }
+
+    /// The shape as a convex one.
+    pub fn convex_shape(&self) -> ConvexShape {
+        match *self {
+            Self::Box { size } => ConvexShape::Box { half: Vector3::from(size) * 0.5 },
+            Self::Sphere { radius } => ConvexShape::Sphere { radius },
+            Self::Cylinder { radius, length } => ConvexShape::Cylinder { radius, half_length: 0.5 * length },
+        }
+    }
+
+    pub(super) fn dimensions(&self) -> [(&'static str, f64); 3] {
+        match *self {
+            Self::Box { size: [x, y, z] } => [("size", x), ("size", y), ("size", z)],
+            Self::Sphere { radius } => [("radius", radius); 3],
+            Self::Cylinder { radius, length } => [("radius", radius), ("length", length), ("length", length)],
+        }
+    }
+}
