@@ -26,9 +26,9 @@ pub use momentum::MomentumTask;
 pub use posture::{PostureSettings, PostureTask};
 pub use relative::{RelativeSettings, RelativeTask};
 pub use rigid_rotation::RigidRotationTask;
-pub(crate) use rigid_rotation::steering_error;
+pub(crate) use rigid_rotation::SteeredWheel;
 pub use rolling::RollingTask;
-pub(crate) use rolling::way_to_ground;
+pub(crate) use rolling::RollingWheel;
 pub use unicycle::{UnicycleSettings, UnicycleTask};
 
 use nalgebra::{Dim, Dyn, Matrix, RawStorage};
