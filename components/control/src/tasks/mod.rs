@@ -1,5 +1,6 @@
 //! Tasks of the robot, each as a least-squares cost on the joint velocity.
 
+mod axes;
 mod cartesian;
 mod centre_of_mass;
 mod contact;
@@ -14,6 +15,7 @@ mod rigid_rotation;
 mod rolling;
 mod unicycle;
 
+pub use axes::{AxisShares, PoseAxes};
 pub use cartesian::{CartesianSettings, CartesianTask};
 pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
 pub use contact::ContactTask;

@@ -1,6 +1,7 @@
 //! Tests of inverse dynamics: tasks, contacts, limits, levels, and what happens where constraints conflict.
 
 mod added_tasks;
+mod axes;
 mod barriers;
 mod closed_loop;
 mod constraints;

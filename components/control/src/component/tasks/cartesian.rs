@@ -7,7 +7,10 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use super::{
+    AxesConfig, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
+    WEIGHTS,
+};
 use crate::inverse_dynamics::tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights};
 use crate::tasks::{CartesianSettings, CartesianTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
@@ -31,6 +34,8 @@ pub struct CartesianConfig {
     pub position_weight: f64,
     /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 0.5.
     pub orientation_weight: f64,
+    /// Factors of both weights by axis: what has none is free. Default: the whole pose counts.
+    pub axes: Option<AxesConfig>,
     /// Largest speed at which an error is corrected, m/s. Default: no limit.
     pub max_linear_speed: Option<f64>,
     /// Largest angular speed at which an error is corrected, rad/s. Default: no limit.
@@ -55,6 +60,7 @@ impl Default for CartesianConfig {
             gain: settings.gain,
             position_weight: settings.position_weight,
             orientation_weight: settings.orientation_weight,
+            axes: None,
             max_linear_speed: None,
             max_angular_speed: None,
             damping: None,
@@ -76,19 +82,24 @@ impl CartesianConfig {
             max_linear_speed: place.max_speed("max_linear_speed", self.max_linear_speed)?,
             max_angular_speed: place.max_speed("max_angular_speed", self.max_angular_speed)?,
             damping: place.damping(self.damping, CartesianSettings::default().damping)?,
+            shares: self.axes.as_ref().map(|axes| axes.shares(place)).transpose()?,
         };
         Ok(CartesianTask::new(model, frame).with(settings))
     }
 
     /// The tolerance of the goals: what the task leaves free is not missed.
     fn tolerance(&self, place: &TaskPlace<'_>) -> Result<GoalTolerance, ConfigError> {
-        let of = |name, tolerance, weight| {
+        let of = |name, tolerance, counts| {
             let tolerance = place.tolerance(name, tolerance)?;
-            Ok(if weight == 0.0 { f64::INFINITY } else { tolerance })
+            Ok(if counts { tolerance } else { f64::INFINITY })
         };
+        let shares = self.axes.as_ref().map(|axes| axes.shares(place)).transpose()?;
+        let position = self.position_weight > 0.0 && shares.is_none_or(|shares| shares.has_position());
+        let orientation =
+            self.orientation_weight > 0.0 && shares.is_none_or(|shares| shares.has_orientation());
         Ok(GoalTolerance {
-            position: of("position_tolerance", self.position_tolerance, self.position_weight)?,
-            orientation: of("orientation_tolerance", self.orientation_tolerance, self.orientation_weight)?,
+            position: of("position_tolerance", self.position_tolerance, position)?,
+            orientation: of("orientation_tolerance", self.orientation_tolerance, orientation)?,
         })
     }
 }
@@ -163,6 +174,17 @@ struct Cartesian {
     refused: u64,
 }
 
+impl Cartesian {
+    /// True for the position, and for the orientation, if it is controlled.
+    fn counts(&self) -> (bool, bool) {
+        let CartesianSettings { position_weight, orientation_weight, shares, .. } = *self.task.settings();
+        (
+            position_weight > 0.0 && shares.is_none_or(|shares| shares.has_position()),
+            orientation_weight > 0.0 && shares.is_none_or(|shares| shares.has_orientation()),
+        )
+    }
+}
+
 impl HeldTask for Cartesian {
     fn begin(&mut self, start: &RobotState<'_>) {
         if self.current.is_none() {
@@ -179,11 +201,11 @@ impl HeldTask for Cartesian {
         (self.current, self.refused) = (None, 0);
     }
 
-    fn prepare(&mut self, bounds: &TaskBounds) {
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
         self.task.set_settings(CartesianSettings {
-            gain: self.gain.follow(bounds).min(bounds.max_gain),
-            position_weight: self.position_weight.follow(bounds),
-            orientation_weight: self.orientation_weight.follow(bounds),
+            gain: self.gain.follow(bounds, fades).min(bounds.max_gain),
+            position_weight: self.position_weight.follow(bounds, fades),
+            orientation_weight: self.orientation_weight.follow(bounds, fades),
             ..*self.task.settings()
         });
         if let Some(twin) = &mut self.acceleration {
@@ -193,9 +215,13 @@ impl HeldTask for Cartesian {
                 orientation: settings.orientation_weight,
                 max_linear_speed: settings.max_linear_speed,
                 max_angular_speed: settings.max_angular_speed,
+                shares: settings.shares,
             };
             twin.set(feedback(settings.gain), weights);
         }
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
         let Some(reading) = self.input.latest() else { return };
         let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
         let [x, y, z, w] = target.orientation;
@@ -230,12 +256,20 @@ impl HeldTask for Cartesian {
         let pose = measured.kinematics.pose(measured.model, self.task.frame());
         let settings = self.task.settings();
         // what is not controlled has no error
-        let position = match settings.position_weight > 0.0 {
-            true => (self.task.target().translation.vector - pose.translation.vector).norm(),
-            false => 0.0,
+        let wanted = self.task.target();
+        let (position, orientation) = match &settings.shares {
+            Some(shares) => {
+                let (position, turn) = shares.error(&pose, wanted);
+                (position.norm(), turn.norm())
+            }
+            None => {
+                let position = wanted.translation.vector - pose.translation.vector;
+                (position.norm(), pose.rotation.angle_to(&wanted.rotation))
+            }
         };
-        let turned = settings.orientation_weight > 0.0;
-        let orientation = turned.then(|| pose.rotation.angle_to(&self.task.target().rotation));
+        let (moved, turned) = self.counts();
+        let position = if moved { position } else { 0.0 };
+        let orientation = turned.then_some(orientation);
         let error = GoalError { position, orientation };
         self.goals.observe(target.goal, target.at_goal != 0, error, dt);
     }
@@ -247,8 +281,7 @@ impl HeldTask for Cartesian {
     fn result(&self) -> Option<serde_json::Value> {
         let summary = self.goals.summary();
         let latest = self.goals.latest();
-        let position =
-            |error: GoalError| (self.task.settings().position_weight > 0.0).then_some(error.position);
+        let position = |error: GoalError| self.counts().0.then_some(error.position);
         Some(serde_json::json!({
             "goals_reached": summary.reached,
             "goals_missed": summary.missed,

@@ -7,7 +7,9 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use super::{
+    Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+};
 use crate::RobotState;
 use crate::component::checks::per_joint;
 use crate::inverse_dynamics::tasks::{AccelerationTask, PostureAcceleration};
@@ -138,9 +140,9 @@ impl HeldTask for Posture {
         self.from_start = self.takes_start;
     }
 
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        let gain = self.gain.follow(bounds).min(bounds.max_gain);
-        let weight = self.weight.follow(bounds);
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let gain = self.gain.follow(bounds, fades).min(bounds.max_gain);
+        let weight = self.weight.follow(bounds, fades);
         self.task.set_settings(PostureSettings { gain, weight });
         if let Some(twin) = &mut self.acceleration {
             twin.set(feedback(gain), weight);

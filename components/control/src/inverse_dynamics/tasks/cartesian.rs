@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
+use crate::tasks::AxisShares;
 
 /// Weights and largest speeds of a [`CartesianAcceleration`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,12 +18,14 @@ pub struct CartesianWeights {
     pub max_linear_speed: f64,
     /// Largest angular speed at which an error is corrected \[rad/s\]. Default infinite.
     pub max_angular_speed: f64,
+    /// Factors of the weights by axis. Default: none, the whole pose counts.
+    pub shares: Option<AxisShares>,
 }
 
 impl Default for CartesianWeights {
     fn default() -> Self {
         let (max_linear_speed, max_angular_speed) = (f64::INFINITY, f64::INFINITY);
-        Self { position: 1.0, orientation: 0.5, max_linear_speed, max_angular_speed }
+        Self { position: 1.0, orientation: 0.5, max_linear_speed, max_angular_speed, shares: None }
     }
 }
 
@@ -39,6 +42,15 @@ impl Default for CartesianWeights {
 ///
 /// (OpenSoT's and TSID's task). For the error near zero the closed loop is `e'' = -kd e' - kp e`. `kp e` is cut where it would
 /// correct the error faster than the largest speeds.
+///
+/// With [`shares`](CartesianWeights::shares) the error, without what is free, stands in their axes, which may turn with the angular
+/// velocity `u`. With the error `p` of the position in the axes of the world, its rate `p'`, and `S` and `R` of [`AxisShares`],
+///
+/// ```text
+/// A_p = S R'(J_v - [p]x J_w)                      the term of p for the axes of the frame alone
+/// b_p = S (R'(v*' - J_v' v - u' x p - 2 u x p' + u x (u x p)) + kd R'(p' - u x p) + kp e_p)
+/// A_o, b_o: as above, by S R'
+/// ```
 #[derive(Clone, Debug)]
 pub struct CartesianAcceleration {
     frame: FrameId,
@@ -109,16 +121,56 @@ impl CartesianAcceleration {
     }
 }
 
+impl CartesianAcceleration {
+    /// Error, `A` and `b` of the directions that have a share, where the cost holds the Jacobian of the frame.
+    fn update_axes(&mut self, pose: &Isometry3<f64>, moving: &Twist, drift: &Twist, shares: &AxisShares) {
+        self.error = shares.error(pose, &self.target);
+        let from_world = shares.world_to_axes(pose, &self.target);
+        let place = self.target.translation.vector - pose.translation.vector;
+        let rate = self.velocity.linear - moving.linear;
+        let spin = shares.turning(moving.angular, self.velocity.angular);
+        let spin_rate = shares.turning(drift.angular, self.acceleration.angular);
+        let linear =
+            self.acceleration.linear - drift.linear - spin_rate.cross(&place) - spin.cross(&rate) * 2.0
+                + spin.cross(&spin.cross(&place));
+        let angular = self.acceleration.angular - drift.angular;
+        let (most, most_angular) = (self.weights.max_linear_speed, self.weights.max_angular_speed);
+        let seen_rate = from_world * (rate - spin.cross(&place));
+        let turn_rate = from_world * (self.velocity.angular - moving.angular);
+        let linear = from_world * linear + self.feedback.acceleration(&self.error.0, &seen_rate, most);
+        let angular =
+            from_world * angular + self.feedback.acceleration(&self.error.1, &turn_rate, most_angular);
+        self.cost.desired_mut().copy_from(&shares.weigh(&linear, &angular));
+        let follow_frame = shares.follow_frame();
+        for mut column in self.cost.matrix_mut().column_iter_mut() {
+            let (mut v, w) = (column.fixed_rows::<3>(0).into_owned(), column.fixed_rows::<3>(3).into_owned());
+            if follow_frame {
+                v -= place.cross(&w);
+            }
+            column.copy_from(&shares.weigh(&(from_world * v), &(from_world * w)));
+        }
+        self.cost.weights_mut().component_mul_assign(&shares.rows());
+    }
+}
+
 impl AccelerationTask for CartesianAcceleration {
     fn update(&mut self, state: &MotionState<'_>, _: &InverseDynamics) {
         let MotionState { model, kinematics, .. } = *state;
         let pose = kinematics.pose(model, self.frame);
         let moving = kinematics.velocity(model, self.frame);
         let drift = kinematics.acceleration(model, self.frame);
+        let weights = self.weights;
+        let (position, orientation) = (weights.position, weights.orientation);
+        self.cost.weights_mut().fixed_rows_mut::<3>(0).fill(position);
+        self.cost.weights_mut().fixed_rows_mut::<3>(3).fill(orientation);
+        kinematics.jacobian(model, self.frame, Reference::LocalWorldAligned, self.cost.matrix_mut());
+        if let Some(shares) = &weights.shares {
+            self.update_axes(&pose, &moving, &drift, shares);
+            return;
+        }
         let position = self.target.translation.vector - pose.translation.vector;
         let turn = (self.target.rotation * pose.rotation.inverse()).scaled_axis();
         self.error = (position, turn);
-        let weights = &self.weights;
         let linear = self.feedback.acceleration(
             &position,
             &(self.velocity.linear - moving.linear),
@@ -134,10 +186,6 @@ impl AccelerationTask for CartesianAcceleration {
         let desired = self.cost.desired_mut();
         desired.fixed_rows_mut::<3>(0).copy_from(&linear);
         desired.fixed_rows_mut::<3>(3).copy_from(&angular);
-        let (position, orientation) = (weights.position, weights.orientation);
-        self.cost.weights_mut().fixed_rows_mut::<3>(0).fill(position);
-        self.cost.weights_mut().fixed_rows_mut::<3>(3).fill(orientation);
-        kinematics.jacobian(model, self.frame, Reference::LocalWorldAligned, self.cost.matrix_mut());
     }
 
     fn cost(&self) -> &Cost {
