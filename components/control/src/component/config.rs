@@ -5,6 +5,7 @@ use motorium_robots::{PerJoint, World};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::centre_of_mass_limit::CentreOfMassLimitConfig;
 use super::collision_limits::CollisionConfig;
 use super::frame_limits::FrameLimitConfig;
 use super::support_limits::SupportConfig;
@@ -122,6 +123,8 @@ pub struct LimitsConfig {
     pub velocity: VelocityLimit,
     /// Boxes and speeds of frames.
     pub frames: Vec<FrameLimitConfig>,
+    /// Largest speeds of the centre of mass. Default: none.
+    pub centre_of_mass_velocity: Option<CentreOfMassLimitConfig>,
     /// Distances between links, and from the ground and objects of the world. Default: none are kept.
     pub collision: Option<CollisionConfig>,
     /// A point that stays above the support. Default: none.

@@ -146,6 +146,9 @@ impl ControllerSetup {
         for (index, frame) in config.limits.frames.iter().enumerate() {
             frame.build(&format!("limits.frames[{index}]"), model, profile, &mut rows)?;
         }
+        if let Some(centre) = &config.limits.centre_of_mass_velocity {
+            rows.push(Box::new(centre.build(model)?));
+        }
         if let Some(collision) = &config.limits.collision {
             rows.push(Box::new(collision.build("limits.collision", model, profile, &self.world)?));
         }

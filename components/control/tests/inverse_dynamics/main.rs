@@ -5,6 +5,7 @@ mod axes;
 mod barriers;
 mod closed_loop;
 mod constraints;
+mod first_order;
 mod friction;
 mod limits;
 mod points;
