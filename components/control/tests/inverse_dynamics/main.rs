@@ -7,6 +7,7 @@ mod closed_loop;
 mod constraints;
 mod first_order;
 mod friction;
+mod impedance;
 mod limits;
 mod points;
 mod robots;

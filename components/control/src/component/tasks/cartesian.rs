@@ -7,11 +7,14 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
+use super::impedance::{CartesianImpedanceConfig, Gain};
 use super::{
     AxesConfig, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
     WEIGHTS,
 };
-use crate::inverse_dynamics::tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights};
+use crate::inverse_dynamics::tasks::{
+    AccelerationTask, CartesianAcceleration, CartesianImpedance, CartesianWeights,
+};
 use crate::tasks::{CartesianSettings, CartesianTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
@@ -30,6 +33,8 @@ pub struct CartesianConfig {
     pub target: String,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
     pub gain: f64,
+    /// Spring and damper in place of the gain. Default: none.
+    pub impedance: Option<CartesianImpedanceConfig>,
     /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
     pub position_weight: f64,
     /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 0.5.
@@ -58,6 +63,7 @@ impl Default for CartesianConfig {
             frame: None,
             target: "target".to_owned(),
             gain: settings.gain,
+            impedance: None,
             position_weight: settings.position_weight,
             orientation_weight: settings.orientation_weight,
             axes: None,
@@ -87,6 +93,12 @@ impl CartesianConfig {
         Ok(CartesianTask::new(model, frame).with(settings))
     }
 
+    /// Spring and damper, if it has them.
+    fn spring(&self, place: &TaskPlace<'_>) -> Result<Option<CartesianImpedance>, ConfigError> {
+        let gain = || Gain { given: self.gain, default: CartesianSettings::default().gain };
+        self.impedance.as_ref().map(|impedance| impedance.build(place, gain())).transpose()
+    }
+
     /// The tolerance of the goals: what the task leaves free is not missed.
     fn tolerance(&self, place: &TaskPlace<'_>) -> Result<GoalTolerance, ConfigError> {
         let of = |name, tolerance, counts| {
@@ -110,8 +122,7 @@ impl TaskKind for CartesianConfig {
     }
 
     fn parameters(&self) -> Vec<TaskParameter> {
-        vec![
-            TaskParameter::gain(self.gain),
+        let weights = [
             TaskParameter::new(
                 "position_weight",
                 self.position_weight,
@@ -126,12 +137,17 @@ impl TaskKind for CartesianConfig {
                 "1/(rad/s)",
                 "cost of an angular velocity error",
             ),
-        ]
+        ];
+        match &self.impedance {
+            None => std::iter::once(TaskParameter::gain(self.gain)).chain(weights).collect(),
+            Some(impedance) => impedance.parameters().into_iter().chain(weights).collect(),
+        }
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         self.tolerance(place)?;
+        self.spring(place)?;
         declare.input::<PoseTarget>(&self.target, "pose and velocity of the frame, in the world frame");
         Ok(())
     }
@@ -143,13 +159,23 @@ impl TaskKind for CartesianConfig {
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
-        let [gain, position_weight, orientation_weight] = self.open(setup)?;
+        let spring = self.spring(place)?;
+        let (pull, [position_weight, orientation_weight]) = match spring {
+            None => {
+                let [gain, position, orientation] = self.open(setup)?;
+                (Pull::Gain(gain), [position, orientation])
+            }
+            Some(spring) => {
+                let [stiffness, damping, position, orientation] = self.open(setup)?;
+                (Pull::Spring { spring, stiffness, damping }, [position, orientation])
+            }
+        };
         let twin = CartesianAcceleration::new(place.model, task.frame(), feedback(self.gain));
         Ok(Box::new(Cartesian {
             acceleration: place.torque.then_some(twin),
             task,
             input,
-            gain,
+            pull,
             position_weight,
             orientation_weight,
             goals: GoalRecord::new(self.tolerance(place)?),
@@ -159,12 +185,20 @@ impl TaskKind for CartesianConfig {
     }
 }
 
+/// The pull of an error.
+enum Pull {
+    /// The rate at which it decays.
+    Gain(Ramped),
+    /// A spring and a damper, with parameters of the position.
+    Spring { spring: CartesianImpedance, stiffness: Ramped, damping: Ramped },
+}
+
 /// A frame that follows the poses of one input.
 struct Cartesian {
     task: CartesianTask,
     acceleration: Option<CartesianAcceleration>,
     input: Input<PoseTarget>,
-    gain: Ramped,
+    pull: Pull,
     position_weight: Ramped,
     orientation_weight: Ramped,
     goals: GoalRecord,
@@ -202,8 +236,16 @@ impl HeldTask for Cartesian {
     }
 
     fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let gain = match &mut self.pull {
+            Pull::Gain(gain) => gain.follow(bounds, fades).min(bounds.max_gain),
+            Pull::Spring { spring, stiffness, damping } => {
+                spring.stiffness = stiffness.follow(bounds, fades);
+                spring.damping = damping.follow(bounds, fades);
+                self.task.settings().gain
+            }
+        };
         self.task.set_settings(CartesianSettings {
-            gain: self.gain.follow(bounds, fades).min(bounds.max_gain),
+            gain,
             position_weight: self.position_weight.follow(bounds, fades),
             orientation_weight: self.orientation_weight.follow(bounds, fades),
             ..*self.task.settings()
@@ -218,6 +260,9 @@ impl HeldTask for Cartesian {
                 shares: settings.shares,
             };
             twin.set(feedback(settings.gain), weights);
+            if let Pull::Spring { spring, .. } = &self.pull {
+                twin.set_impedance(*spring);
+            }
         }
     }
 

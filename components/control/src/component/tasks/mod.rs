@@ -12,6 +12,7 @@ mod constraint;
 mod contact_wrench;
 mod gaze;
 mod held;
+mod impedance;
 mod limit;
 mod manipulability;
 mod minimum;
@@ -26,6 +27,7 @@ mod unicycle;
 
 pub use axes::{AxesConfig, SharesConfig};
 pub(super) use held::{Held, HeldTask, TaskBounds};
+pub use impedance::{CartesianImpedanceConfig, JointImpedanceConfig};
 pub use manipulability::ManipulabilityRows;
 pub use minimum::MinimumOf;
 pub(super) use place::TaskPlace;

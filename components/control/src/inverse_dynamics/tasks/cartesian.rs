@@ -1,8 +1,9 @@
 //! A frame follows a pose, by its acceleration.
 
 use motorium_robots::{FrameId, Model, Reference, Twist};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Vector3};
 
+use super::impedance::{CartesianImpedance, Mobility};
 use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 use crate::tasks::AxisShares;
@@ -55,6 +56,8 @@ impl Default for CartesianWeights {
 pub struct CartesianAcceleration {
     frame: FrameId,
     feedback: Feedback,
+    impedance: Option<CartesianImpedance>,
+    mobility: Mobility,
     weights: CartesianWeights,
     target: Isometry3<f64>,
     velocity: Twist,
@@ -69,6 +72,8 @@ impl CartesianAcceleration {
         Self {
             frame,
             feedback,
+            impedance: None,
+            mobility: Mobility::new(model),
             weights: CartesianWeights::default(),
             target: Isometry3::identity(),
             velocity: Twist::zero(),
@@ -83,6 +88,37 @@ impl CartesianAcceleration {
     pub fn with(mut self, weights: CartesianWeights) -> Self {
         self.weights = weights;
         self
+    }
+
+    /// The same task with a spring and a damper in place of the feedback.
+    #[must_use]
+    pub fn impedance(mut self, impedance: CartesianImpedance) -> Self {
+        self.set_impedance(impedance);
+        self
+    }
+
+    /// Changes the spring and the damper from the next update on; they take the place of the feedback.
+    pub fn set_impedance(&mut self, impedance: CartesianImpedance) {
+        self.impedance = Some(impedance);
+    }
+
+    /// The acceleration towards the target of an error and its rate, in axes that `to_world` turns to those of the world, while the cost
+    /// holds the Jacobian of the frame.
+    fn response(
+        &mut self,
+        dynamics: &InverseDynamics,
+        (error, turn): (&Vector3<f64>, &Vector3<f64>),
+        (rate, turn_rate): (&Vector3<f64>, &Vector3<f64>),
+        to_world: &Matrix3<f64>,
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let CartesianWeights { max_linear_speed, max_angular_speed, .. } = self.weights;
+        let [place, rotation] = self.impedance.map_or([self.feedback; 2], |impedance| impedance.feedback());
+        let linear = to_world * place.acceleration(error, rate, max_linear_speed);
+        let angular = to_world * rotation.acceleration(turn, turn_rate, max_angular_speed);
+        match self.impedance {
+            None => (linear, angular),
+            Some(_) => self.mobility.of_frame(dynamics, self.cost.matrix(), &linear, &angular),
+        }
     }
 
     /// Changes feedback and weights from the next update on.
@@ -123,7 +159,13 @@ impl CartesianAcceleration {
 
 impl CartesianAcceleration {
     /// Error, `A` and `b` of the directions that have a share, where the cost holds the Jacobian of the frame.
-    fn update_axes(&mut self, pose: &Isometry3<f64>, moving: &Twist, drift: &Twist, shares: &AxisShares) {
+    fn update_axes(
+        &mut self,
+        dynamics: &InverseDynamics,
+        pose: &Isometry3<f64>,
+        (moving, drift): (&Twist, &Twist),
+        shares: &AxisShares,
+    ) {
         self.error = shares.error(pose, &self.target);
         let from_world = shares.world_to_axes(pose, &self.target);
         let place = self.target.translation.vector - pose.translation.vector;
@@ -134,12 +176,12 @@ impl CartesianAcceleration {
             self.acceleration.linear - drift.linear - spin_rate.cross(&place) - spin.cross(&rate) * 2.0
                 + spin.cross(&spin.cross(&place));
         let angular = self.acceleration.angular - drift.angular;
-        let (most, most_angular) = (self.weights.max_linear_speed, self.weights.max_angular_speed);
         let seen_rate = from_world * (rate - spin.cross(&place));
         let turn_rate = from_world * (self.velocity.angular - moving.angular);
-        let linear = from_world * linear + self.feedback.acceleration(&self.error.0, &seen_rate, most);
-        let angular =
-            from_world * angular + self.feedback.acceleration(&self.error.1, &turn_rate, most_angular);
+        let (error, turn) = self.error;
+        let (towards, turning) =
+            self.response(dynamics, (&error, &turn), (&seen_rate, &turn_rate), &from_world.transpose());
+        let (linear, angular) = (from_world * (linear + towards), from_world * (angular + turning));
         self.cost.desired_mut().copy_from(&shares.weigh(&linear, &angular));
         let follow_frame = shares.follow_frame();
         for mut column in self.cost.matrix_mut().column_iter_mut() {
@@ -154,7 +196,7 @@ impl CartesianAcceleration {
 }
 
 impl AccelerationTask for CartesianAcceleration {
-    fn update(&mut self, state: &MotionState<'_>, _: &InverseDynamics) {
+    fn update(&mut self, state: &MotionState<'_>, dynamics: &InverseDynamics) {
         let MotionState { model, kinematics, .. } = *state;
         let pose = kinematics.pose(model, self.frame);
         let moving = kinematics.velocity(model, self.frame);
@@ -165,24 +207,17 @@ impl AccelerationTask for CartesianAcceleration {
         self.cost.weights_mut().fixed_rows_mut::<3>(3).fill(orientation);
         kinematics.jacobian(model, self.frame, Reference::LocalWorldAligned, self.cost.matrix_mut());
         if let Some(shares) = &weights.shares {
-            self.update_axes(&pose, &moving, &drift, shares);
+            self.update_axes(dynamics, &pose, (&moving, &drift), shares);
             return;
         }
         let position = self.target.translation.vector - pose.translation.vector;
         let turn = (self.target.rotation * pose.rotation.inverse()).scaled_axis();
         self.error = (position, turn);
-        let linear = self.feedback.acceleration(
-            &position,
-            &(self.velocity.linear - moving.linear),
-            weights.max_linear_speed,
-        ) + self.acceleration.linear
-            - drift.linear;
-        let angular = self.feedback.acceleration(
-            &turn,
-            &(self.velocity.angular - moving.angular),
-            weights.max_angular_speed,
-        ) + self.acceleration.angular
-            - drift.angular;
+        let rates = (self.velocity.linear - moving.linear, self.velocity.angular - moving.angular);
+        let errors = (&position, &turn);
+        let (linear, angular) = self.response(dynamics, errors, (&rates.0, &rates.1), &Matrix3::identity());
+        let linear = linear + self.acceleration.linear - drift.linear;
+        let angular = angular + self.acceleration.angular - drift.angular;
         let desired = self.cost.desired_mut();
         desired.fixed_rows_mut::<3>(0).copy_from(&linear);
         desired.fixed_rows_mut::<3>(3).copy_from(&angular);
