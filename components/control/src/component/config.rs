@@ -5,6 +5,7 @@ use motorium_robots::{PerJoint, World};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::centre_of_mass_limit::CentreOfMassLimitConfig;
 use super::collision_limits::CollisionConfig;
 use super::frame_limits::FrameLimitConfig;
 use super::support_limits::SupportConfig;
@@ -26,6 +27,8 @@ use crate::limits::{PositionLimit, VelocityLimit};
 pub struct QpControllerConfig {
     /// Tasks, as a weighted sum. Default: the only end effector follows `target`, the joints stay near the home pose.
     pub tasks: Vec<TaskConfig>,
+    /// Settings of levels of the tasks. Default: none of their own.
+    pub levels: Vec<LevelConfig>,
     /// Limits of the commanded motion.
     pub limits: LimitsConfig,
     /// With this table the controller computes torques, by whole-body inverse dynamics. Robots with a floating base need it.
@@ -49,14 +52,16 @@ pub struct QpControllerConfig {
     /// Largest distance of the position setpoint from the measured position, rad or m. A blocked joint is pushed with
     /// at most `kp` times this. Default 0.1.
     pub max_lead: f64,
-    /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1. Default 1e-7.
+    /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, of all levels without one of their own. Default
+    /// 1e-7.
     pub damping: f64,
     /// Age from which a joint state is not acted upon: nothing is commanded then, and the drives go to their safe
     /// state. Default 10 ms.
     pub state_timeout: TimeSpan,
     /// Age from which a target counts as standing still where it was. Default 50 ms.
     pub target_timeout: TimeSpan,
-    /// Time within which a change of a gain or a weight of a task takes effect, evenly. Default 200 ms; 0: at once.
+    /// Time within which a change of a gain or a weight of a task takes effect, evenly, and within which a task whose weight becomes 0, or
+    /// more than 0, fades out or in. Default 200 ms; 0: at once.
     pub task_ramp: TimeSpan,
 }
 
@@ -64,6 +69,7 @@ impl Default for QpControllerConfig {
     fn default() -> Self {
         Self {
             tasks: Vec::new(),
+            levels: Vec::new(),
             limits: LimitsConfig::default(),
             inverse_dynamics: None,
             kp: None,
@@ -80,6 +86,21 @@ impl Default for QpControllerConfig {
             task_ramp: TimeSpan { ns: 200_000_000 },
         }
     }
+}
+
+/// Settings of a level of the tasks.
+///
+/// ```toml
+/// levels = [{ level = 2, damping = 1e-4 }]
+/// ```
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LevelConfig {
+    /// Number of the level, that of at least one task.
+    pub level: u32,
+    /// Tikhonov regularisation of the level in place of `damping`, 1e-12 to 1: cost of any joint velocity, 1/(rad/s)^2, or with
+    /// `inverse_dynamics` of any acceleration and contact force. It calms what the level decides, and closes no motion to those below.
+    pub damping: f64,
 }
 
 /// Joint positions at which the tasks are evaluated.
@@ -102,6 +123,8 @@ pub struct LimitsConfig {
     pub velocity: VelocityLimit,
     /// Boxes and speeds of frames.
     pub frames: Vec<FrameLimitConfig>,
+    /// Largest speeds of the centre of mass. Default: none.
+    pub centre_of_mass_velocity: Option<CentreOfMassLimitConfig>,
     /// Distances between links, and from the ground and objects of the world. Default: none are kept.
     pub collision: Option<CollisionConfig>,
     /// A point that stays above the support. Default: none.

@@ -29,6 +29,11 @@ impl DiagnosticsOutput {
         Ok(Self { output: setup.output("diagnostics")?, timed, began: None, solve_ns: 0 })
     }
 
+    /// A step begins, in which the solver has taken no time yet.
+    pub(super) fn begin_step(&mut self) {
+        self.solve_ns = 0;
+    }
+
     /// The solver begins.
     pub(super) fn begin_solve(&mut self) {
         self.began = (self.timed && self.output.is_wired()).then(Instant::now);
@@ -36,7 +41,7 @@ impl DiagnosticsOutput {
 
     /// The solver has ended.
     pub(super) fn end_solve(&mut self) {
-        self.solve_ns = self.began.take().map_or(0, |began| began.elapsed().as_nanos() as u64);
+        self.solve_ns += self.began.take().map_or(0, |began| began.elapsed().as_nanos() as u64);
     }
 
     /// Publishes what `write` fills in, if the output is wired. The message begins with the time of the solver, a residual of

@@ -1,5 +1,6 @@
 //! `control.qp`: a controller that moves a robot towards the targets of its tasks, by velocities or by torques.
 
+mod centre_of_mass_limit;
 mod checks;
 mod collision_limits;
 mod config;
@@ -14,8 +15,9 @@ mod torque;
 mod velocity;
 mod wheels;
 
+pub use centre_of_mass_limit::CentreOfMassLimitConfig;
 pub use collision_limits::{AllObjects, CollisionConfig, LevelGround, OfWorld, WorldObjects};
-pub use config::{Feedback, LimitsConfig, QpControllerConfig};
+pub use config::{Feedback, LevelConfig, LimitsConfig, QpControllerConfig};
 pub use frame_limits::FrameLimitConfig;
 pub use multirotor::{MultirotorConfig, MultirotorController};
 pub use support_limits::{SupportConfig, SupportedPoint};

@@ -5,7 +5,7 @@ use motorium_robots::{BasePose, Gains, Loaded, Model, PerJoint, Profile, RobotSo
 use nalgebra::{DVector, Vector3};
 
 use super::checks::{in_range, is_name, per_joint};
-use super::config::QpControllerConfig;
+use super::config::{LevelConfig, QpControllerConfig};
 use super::objects;
 use super::support_limits::HeldSupport;
 use super::tasks::{CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskHead, TaskKind, TaskPlace};
@@ -16,6 +16,9 @@ const ACCELERATION_SMOOTHING: f64 = 0.004;
 
 /// Levels that tasks may have.
 const LEVELS: u32 = 8;
+
+/// Range of every regularisation.
+const DAMPING: core::ops::RangeInclusive<f64> = 1e-12..=1.0;
 
 /// A robot, the tasks it is given, and the gains and efforts of its drives.
 pub(super) struct ControllerSetup {
@@ -76,6 +79,7 @@ impl ControllerSetup {
         let (gravity, world) = (config.gravity.into(), config.world.clone());
         let setup = Self { model, profile, torque, gravity, world, contacts, tasks, gains, feed_forward };
         setup.check_tasks()?;
+        setup.level_damping(config)?;
         Ok(setup)
     }
 
@@ -111,11 +115,39 @@ impl ControllerSetup {
         (1..=LEVELS).filter(move |level| self.tasks.iter().any(of(*level)))
     }
 
+    /// The regularisation of each of its levels, the highest first.
+    pub(super) fn level_damping(&self, config: &QpControllerConfig) -> Result<Vec<f64>, ConfigError> {
+        let mut found: Vec<(u32, f64)> = self.levels().map(|level| (level, config.damping)).collect();
+        for (index, LevelConfig { level, damping }) in config.levels.iter().enumerate() {
+            let key = |name: &str| format!("levels[{index}].{name}");
+            let used: Vec<_> = found.iter().map(|(level, _)| level.to_string()).collect();
+            let Some((_, of_level)) = found.iter_mut().find(|(other, _)| other == level) else {
+                let message = format!("no task has level {level}");
+                return Err(ConfigError::key(key("level"), message)
+                    .advise(format!("the tasks have level {}", used.join(", "))));
+            };
+            if config.levels[..index].iter().any(|other| other.level == *level) {
+                let message = format!("level {level} is there twice");
+                return Err(ConfigError::key(key("level"), message).advise("keep one of the two"));
+            }
+            *of_level = in_range(&key("damping"), *damping, DAMPING)?;
+        }
+        Ok(found.into_iter().map(|(_, damping)| damping).collect())
+    }
+
+    /// Number of parameters that its tasks have together.
+    pub(super) fn parameter_count(&self) -> usize {
+        self.tasks.iter().map(|task| task.kind().1.parameters().len()).sum()
+    }
+
     /// The limits of combinations of velocities.
     pub(super) fn row_limits(&self, config: &QpControllerConfig) -> Result<RowLimits, ConfigError> {
         let (model, profile, mut rows) = (&self.model, self.profile.as_ref(), Vec::new());
         for (index, frame) in config.limits.frames.iter().enumerate() {
             frame.build(&format!("limits.frames[{index}]"), model, profile, &mut rows)?;
+        }
+        if let Some(centre) = &config.limits.centre_of_mass_velocity {
+            rows.push(Box::new(centre.build(model)?));
         }
         if let Some(collision) = &config.limits.collision {
             rows.push(Box::new(collision.build("limits.collision", model, profile, &self.world)?));
@@ -209,7 +241,7 @@ fn default_tasks() -> Vec<TaskConfig> {
 fn check_numbers(config: &QpControllerConfig) -> Result<(), ConfigError> {
     let limits = &config.limits;
     in_range("max_lead", config.max_lead, 1e-6..=1e3)?;
-    in_range("damping", config.damping, 1e-12..=1.0)?;
+    in_range("damping", config.damping, DAMPING)?;
     in_range("limits.position.rate", limits.position.rate, 1e-3..=1e6)?;
     in_range("limits.position.margin", limits.position.margin, 0.0..=1e3)?;
     in_range("limits.velocity.fraction", limits.velocity.fraction, 1e-6..=1.0)?;

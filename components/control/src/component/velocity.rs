@@ -10,7 +10,7 @@ use super::config::{Feedback, QpControllerConfig};
 use super::diagnostics_output::{DiagnosticsOutput, push_bounds};
 use super::objects::MovingObjects;
 use super::setup::{ControllerSetup, RowLimits};
-use super::tasks::{Held, TaskBounds};
+use super::tasks::{Fades, Held, TaskBounds};
 use super::{period_ns, results};
 use crate::{
     DifferentialIk, FeedForward, IkRows, IkSettings, JointSetpoint, RobotState,
@@ -35,6 +35,7 @@ pub(super) struct VelocityController {
     q: DVector<f64>,
     /// In the order of the configuration.
     tasks: Vec<Held>,
+    fades: Fades,
     position: PositionLimit,
     velocity: VelocityLimit,
     rows: RowLimits,
@@ -88,6 +89,7 @@ impl VelocityController {
             rows[*level] += task.rows() + soft;
         }
         let objects = MovingObjects::configure(&config, &parts, setup)?;
+        let (damping, fades) = (parts.level_damping(&config)?, Fades::new(parts.parameter_count()));
         let ControllerSetup { model, gains, feed_forward, .. } = parts;
         let mut checkpoint = setup.checkpoint(model.nv())?;
         Ok(Self {
@@ -98,11 +100,14 @@ impl VelocityController {
             measured: Kinematics::new(&model),
             q: DVector::zeros(model.nv()),
             tasks,
+            fades,
             position: config.limits.position,
             velocity: config.limits.velocity,
             rows: limits,
             objects,
-            ik: DifferentialIk::with_room(&model, room, IkSettings { damping: config.damping }).levels(&rows),
+            ik: DifferentialIk::with_room(&model, room, IkSettings { damping: config.damping })
+                .levels(&rows)
+                .level_damping(&damping),
             setpoint: JointSetpoint::new(&model, &vec![0.0; model.nv()]),
             gains,
             feed_forward,
@@ -138,8 +143,8 @@ impl VelocityController {
         }
         // where steps were missed, the setpoints go on as the time does: else they would fall back behind the robot
         let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
-        self.prepare(dt, unbroken.is_none())?;
-        let solved = self.solve(dt);
+        let bounds = self.prepare(dt, unbroken.is_none())?;
+        let solved = self.solve(&bounds);
         let measured = RobotState { model: &self.model, kinematics: &self.measured, q: self.q.as_slice() };
         for held in &mut self.tasks {
             held.task.record(&measured, dt);
@@ -204,25 +209,70 @@ impl VelocityController {
     }
 
     /// Applies the current parameters, targets and obstacles.
-    fn prepare(&mut self, dt: f64, begins: bool) -> Result<(), StepError> {
+    fn prepare(&mut self, dt: f64, begins: bool) -> Result<TaskBounds, StepError> {
         let (ramp, target_timeout_ns) = (self.task_ramp, self.target_timeout_ns);
         let bounds = TaskBounds { begins, ramp, dt, max_gain: 0.5 / dt, target_timeout_ns };
+        self.fades.begin();
         for held in &mut self.tasks {
+            held.task.weigh(&bounds, &mut self.fades);
             held.task.prepare(&bounds);
         }
         self.velocity.fraction = self.velocity_fraction.get();
         let Self { objects, rows, tasks, .. } = self;
-        objects.update(|visit| visit_limits(rows, tasks, visit))
+        objects.update(|visit| visit_limits(rows, tasks, visit))?;
+        Ok(bounds)
     }
 
     /// Moves the setpoint by one tick. False without a solution.
-    fn solve(&mut self, dt: f64) -> bool {
+    fn solve(&mut self, bounds: &TaskBounds) -> bool {
+        let dt = bounds.dt;
+        if self.feedback == Feedback::Setpoint {
+            self.kinematics.update(&self.model, self.setpoint.position());
+        }
+        let solved = self.solve_parts(bounds);
+        match solved {
+            true => {
+                self.setpoint.integrate(self.ik.velocity(), dt);
+                self.tasks.iter_mut().for_each(|held| held.task.solved(self.ik.velocity()));
+            }
+            false => {
+                self.unsolved += 1;
+                self.setpoint.hold();
+            }
+        }
+        self.setpoint.limit_tracking_error(self.q.as_slice(), self.max_lead);
+        solved
+    }
+
+    /// Decides the velocity: by one solution, or while tasks fade by a mixture of some. False without one.
+    fn solve_parts(&mut self, bounds: &TaskBounds) -> bool {
+        let parts = self.fades.parts();
+        self.diagnostics.begin_step();
+        let mut solved = true;
+        if parts == 1 {
+            solved = self.solve_tasks(bounds.dt);
+        } else {
+            for part in 0..parts {
+                let share = self.fades.part(part);
+                for held in &mut self.tasks {
+                    held.task.weigh(bounds, &mut self.fades);
+                }
+                solved &= self.solve_tasks(bounds.dt);
+                self.ik.mix(share);
+            }
+            match solved {
+                true => _ = self.ik.take_mixture(),
+                false => self.ik.drop_mixture(),
+            }
+        }
+        solved
+    }
+
+    /// Solves the stack of the tasks as they are weighed.
+    fn solve_tasks(&mut self, dt: f64) -> bool {
         let (kinematics, q) = match self.feedback {
             Feedback::Measured => (&self.measured, self.q.as_slice()),
-            Feedback::Setpoint => {
-                self.kinematics.update(&self.model, self.setpoint.position());
-                (&self.kinematics, self.setpoint.position())
-            }
+            Feedback::Setpoint => (&self.kinematics, self.setpoint.position()),
         };
         let state = RobotState { model: &self.model, kinematics, q };
         self.ik.begin();
@@ -249,20 +299,8 @@ impl VelocityController {
         }
         self.rows.observe();
         self.diagnostics.begin_solve();
-        let velocity = self.ik.solve();
+        let solved = self.ik.solve().is_ok();
         self.diagnostics.end_solve();
-        let solved = velocity.is_ok();
-        match velocity {
-            Ok(v) => {
-                self.setpoint.integrate(v, dt);
-                self.tasks.iter_mut().for_each(|held| held.task.solved(v));
-            }
-            Err(_) => {
-                self.unsolved += 1;
-                self.setpoint.hold();
-            }
-        }
-        self.setpoint.limit_tracking_error(self.q.as_slice(), self.max_lead);
         solved
     }
 

@@ -108,7 +108,7 @@ impl<S: QpSolver> DifferentialIk<S> {
                 (None, 0) => (&mut self.problem, None),
                 (Some(below), 0) => (&mut self.problem, Some(&mut below.first)),
                 (Some(below), level) => {
-                    let Level { cost, rows } = &mut below.levels[level - 1];
+                    let Level { cost, rows, .. } = &mut below.levels[level - 1];
                     (cost, Some(rows))
                 }
                 (None, level) => panic!("level {level} of an inverse kinematics that has only the first"),

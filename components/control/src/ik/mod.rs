@@ -1,6 +1,7 @@
 //! Differential inverse kinematics: tasks and limits into one joint velocity.
 
 mod constraints;
+mod mixture;
 
 use motorium_robots::Model;
 
@@ -62,6 +63,8 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     problem: Problem,
     solver: S,
     velocity: Vec<f64>,
+    /// The mixture of solutions so far.
+    mixture: Vec<f64>,
     below: Option<Below>,
     /// First row that no limit has taken yet.
     next_row: usize,
@@ -165,6 +168,7 @@ impl<S: QpSolver> DifferentialIk<S> {
             settings,
             solver,
             velocity: vec![0.0; variables],
+            mixture: vec![0.0; variables],
             below: None,
             next_row: 0,
             next_equality: 0,
@@ -203,16 +207,59 @@ impl<S: QpSolver> DifferentialIk<S> {
     #[must_use]
     pub fn levels(mut self, rows: &[usize]) -> Self {
         let (variables, row_count) = (self.velocity.len(), self.problem.row_lower.len());
-        let held = self.problem.equality_value.len();
+        let (held, damping) = (self.problem.equality_value.len(), self.settings.damping);
         self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
             first: Rows::new(variables, held + first),
-            levels: below.iter().map(|rows| Level::new(variables, *rows)).collect(),
+            levels: below.iter().map(|rows| Level::new(variables, *rows, damping)).collect(),
             solvers: below.iter().map(|_| LevelSolver::new(variables, row_count)).collect(),
             freedom: Freedom::new(
                 variables,
                 (held + first).max(below.iter().copied().max().unwrap_or_default()),
             ),
         });
+        self
+    }
+
+    /// Regularises each level by its own cost of any joint velocity \[1/(rad/s)^2\], the highest level first, in place of
+    /// [`IkSettings::damping`].
+    ///
+    /// ```
+    /// use motorium_control::{DifferentialIk, RobotState, tasks::{CartesianTask, PostureTask, Task}};
+    /// use motorium_robots::{Kinematics, load};
+    ///
+    /// let panda = load("panda", std::path::Path::new("."))?;
+    /// let (model, home) = (&panda.model, panda.profile.unwrap().home(&panda.model)?);
+    /// let mut kinematics = Kinematics::new(model);
+    /// kinematics.update(model, home.as_slice());
+    /// let state = RobotState { model, kinematics: &kinematics, q: home.as_slice() };
+    /// let mut elbow_speed = |damping: f64| {
+    ///     let mut hand = CartesianTask::new(model, model.frame("panda_hand_tcp")?);
+    ///     hand.set_target(kinematics.pose(model, hand.frame()));
+    ///     let mut posture = PostureTask::new(model, &vec![0.1; model.nv()]);
+    ///     let levels = [hand.rows(), posture.rows()];
+    ///     let mut ik = DifferentialIk::new(model).levels(&levels).level_damping(&[1e-7, damping]);
+    ///     ik.begin();
+    ///     ik.add_task(&state, 0, &mut hand);
+    ///     ik.add_task(&state, 1, &mut posture);
+    ///     let speed = nalgebra::DVector::from_column_slice(ik.solve()?).norm();
+    ///     Ok::<_, Box<dyn std::error::Error>>(speed)
+    /// };
+    /// // weight^2 / (weight^2 + damping) of the speed: by a half with as much damping as weight
+    /// let weight = motorium_control::tasks::PostureSettings::default().weight;
+    /// assert!((elbow_speed(weight * weight)? / elbow_speed(1e-12)? - 0.5).abs() < 1e-3);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Panics
+    /// If it is not one number for each level.
+    #[must_use]
+    pub fn level_damping(mut self, of_levels: &[f64]) -> Self {
+        let below = self.below.as_mut().map_or(&mut [][..], |below| &mut below.levels);
+        assert_eq!(of_levels.len(), 1 + below.len(), "one regularisation for each level");
+        self.settings.damping = of_levels[0];
+        for (level, damping) in below.iter_mut().zip(&of_levels[1..]) {
+            level.damping = *damping;
+        }
         self
     }
 
@@ -248,7 +295,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         (self.next_row, self.next_equality, self.next_slack) = (0, 0, self.motions);
         if let Some(below) = &mut self.below {
             below.first.clear();
-            below.levels.iter_mut().for_each(|level| level.begin(self.settings.damping));
+            below.levels.iter_mut().for_each(|level| level.begin());
         }
     }
 

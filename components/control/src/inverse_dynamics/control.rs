@@ -1,11 +1,12 @@
 //! Assembly and solution of one tick of inverse dynamics.
 
-use motorium_robots::{Dynamics, Model, Twist};
-use nalgebra::{DMatrix, DVector, Vector3};
+use motorium_robots::{Dynamics, Model};
+use nalgebra::{DMatrix, DVector};
 
 use super::cone_level::BelowSolver;
 use super::contact::{Contact, ContactPlace, ContactShape};
 use super::limits::{DynamicsRows, Predicted};
+use super::mixture::Mixture;
 use super::names::{Conflicting, Order};
 use super::outcome::{FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution};
 use super::relaxed::Relaxed;
@@ -40,8 +41,9 @@ pub struct InverseDynamics {
     /// Rows of the task that becomes a constraint.
     pub(super) constrained: Rows,
     /// Accelerations, then forces.
-    x: DVector<f64>,
-    solution: InverseDynamicsSolution,
+    pub(super) x: DVector<f64>,
+    pub(super) mixture: Mixture,
+    pub(super) solution: InverseDynamicsSolution,
 }
 
 /// The levels below the first.
@@ -112,6 +114,7 @@ impl InverseDynamics {
             next_constrained: 0,
             constrained: Rows::new(order.variables(), constrained),
             x: DVector::zeros(order.variables()),
+            mixture: Mixture::new(order.variables()),
             solution: InverseDynamicsSolution {
                 acceleration: DVector::zeros(nv),
                 torque: DVector::zeros(joints),
@@ -132,17 +135,33 @@ impl InverseDynamics {
     #[must_use]
     pub fn levels(mut self, rows: &[usize]) -> Self {
         let cones = self.settings.friction_model == FrictionModel::Cone;
-        let (order, structure) = (&self.order, &self.structure);
+        let (order, structure, damping) = (&self.order, &self.structure, self.settings.damping);
         let (variables, equalities) = (order.variables(), order.equalities());
         self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
             first: Rows::new(variables, first + equalities),
-            levels: below.iter().map(|rows| Level::new(variables, *rows)).collect(),
+            levels: below.iter().map(|rows| Level::new(variables, *rows, damping)).collect(),
             solvers: below.iter().map(|_| BelowSolver::new(order, structure, cones)).collect(),
             freedom: Freedom::new(
                 variables,
                 (first + equalities).max(below.iter().copied().max().unwrap_or_default()),
             ),
         });
+        self
+    }
+
+    /// Regularises each level by its own cost of any acceleration and force, the highest level first, in place of
+    /// [`InverseDynamicsSettings::damping`].
+    ///
+    /// # Panics
+    /// If it is not one number for each level.
+    #[must_use]
+    pub fn level_damping(mut self, of_levels: &[f64]) -> Self {
+        let below = self.below.as_mut().map_or(&mut [][..], |below| &mut below.levels);
+        assert_eq!(of_levels.len(), 1 + below.len(), "one regularisation for each level");
+        self.settings.damping = of_levels[0];
+        for (level, damping) in below.iter_mut().zip(&of_levels[1..]) {
+            level.damping = *damping;
+        }
         self
     }
 
@@ -167,7 +186,7 @@ impl InverseDynamics {
                 below.first.push(0.0).iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
             }
             for level in &mut below.levels {
-                level.begin(damping);
+                level.begin();
                 regularise(&mut level.cost);
             }
         }
@@ -254,7 +273,7 @@ impl InverseDynamics {
     }
 
     /// Accelerations, forces and torques of `x`.
-    fn write(&mut self) {
+    pub(super) fn write(&mut self) {
         let Self { order, x, solution, problem, bias, torque_limit, .. } = self;
         solution.acceleration.copy_from(&x.rows(0, order.velocities));
         solution.forces.copy_from(&x.rows(order.velocities, 3 * order.points.len()));
@@ -278,68 +297,6 @@ impl InverseDynamics {
     /// units of the task \[m/s2, rad/s2, N\].
     pub fn residual(&self, task: &dyn AccelerationTask) -> f64 {
         task.cost().residual(self.x.as_slice())
-    }
-
-    /// Force of a contact and its torque about the origin of the contact's frame, world axes \[N, Nm\], at the last solution.
-    pub fn wrench(&self, contact: usize) -> Twist {
-        let place = &self.contacts[contact];
-        let mut wrench = Twist::zero();
-        for (point, arm) in place.arms.iter().enumerate() {
-            let force = self.solution.forces.fixed_rows::<3>(3 * (place.first_point + point));
-            let force = place.axes * force;
-            wrench.linear += force;
-            wrench.angular += arm.cross(&force);
-        }
-        wrench
-    }
-
-    /// Centre of pressure of a sole \[m\] along x and y of its frame, from the frame's origin, at the last solution: the point about
-    /// which its normal forces have no torque. `None` for a contact of another shape, and for one without a force.
-    ///
-    /// On level ground it is what is called the zero-moment point of the foot. It stays within the sole, less its
-    /// [margin](Contact::margin), since the forces at the corners only push.
-    pub fn centre_of_pressure(&self, contact: usize) -> Option<[f64; 2]> {
-        let place = &self.contacts[contact];
-        let ContactShape::Sole { .. } = place.contact.shape else { return None };
-        let (mut normal, mut moment) = (0.0, Vector3::zeros());
-        for (point, arm) in place.arms.iter().enumerate() {
-            let force = self.solution.forces[3 * (place.first_point + point) + 2];
-            normal += force;
-            moment += place.axes.tr_mul(arm) * force;
-        }
-        (normal > 0.0).then(|| [moment.x / normal, moment.y / normal])
-    }
-
-    /// The contacts, in the order they were given.
-    pub fn contacts(&self) -> impl ExactSizeIterator<Item = &Contact> {
-        self.contacts.iter().map(|place| &place.contact)
-    }
-
-    /// Number of a point of a contact among those of all contacts: the place of its force in the
-    /// [forces](InverseDynamicsSolution::forces), in threes.
-    pub fn point_number(&self, contact: usize, point: usize) -> usize {
-        self.contacts[contact].first_point + point
-    }
-
-    /// Makes a contact active or not from the next [`begin`](Self::begin) on.
-    pub fn set_active(&mut self, contact: usize, active: bool) {
-        self.contacts[contact].active = active;
-    }
-
-    /// True if a contact is active.
-    pub fn is_active(&self, contact: usize) -> bool {
-        self.contacts[contact].active
-    }
-
-    /// Sets the largest normal force at each point of a contact \[N\] from the next [`begin`](Self::begin) on. A contact that is to
-    /// be lifted is unloaded by a limit that falls to zero.
-    pub fn set_max_force(&mut self, contact: usize, force: f64) {
-        self.contacts[contact].contact.max_force = force;
-    }
-
-    /// Sets the friction of a contact from the next [`begin`](Self::begin) on.
-    pub fn set_friction(&mut self, contact: usize, friction: f64) {
-        self.contacts[contact].contact.friction = friction;
     }
 
     /// Number of unknowns: accelerations, then three numbers for each contact point.

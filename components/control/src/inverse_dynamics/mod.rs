@@ -70,9 +70,11 @@
 mod assemble;
 mod cone_level;
 mod contact;
+mod contact_forces;
 mod control;
 mod joints;
 mod limits;
+mod mixture;
 mod names;
 mod outcome;
 mod relaxed;

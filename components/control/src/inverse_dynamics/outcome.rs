@@ -97,6 +97,19 @@ pub struct Slack {
     pub conflict: Conflicting,
 }
 
+impl Slack {
+    /// The larger amount of each, with the conflict of the first.
+    pub(super) fn worse(&self, other: &Self) -> Self {
+        Self {
+            contact: self.contact.max(other.contact),
+            joint: self.joint.max(other.joint),
+            limit: self.limit.max(other.limit),
+            task: self.task.max(other.task),
+            conflict: self.conflict,
+        }
+    }
+}
+
 /// Accelerations, torques and contact forces of one tick.
 #[derive(Clone, Debug)]
 pub struct InverseDynamicsSolution {

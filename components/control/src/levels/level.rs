@@ -14,18 +14,20 @@ pub(crate) struct Level {
     /// Cost on the joint velocity, without limits.
     pub(crate) cost: Problem,
     pub(crate) rows: Rows,
+    /// Regularisation: cost of each unknown. It closes no motion.
+    pub(crate) damping: f64,
 }
 
 impl Level {
-    /// A level of tasks that have `rows` rows together.
-    pub(crate) fn new(variables: usize, rows: usize) -> Self {
-        Self { cost: Problem::new(&Structure::new(variables)), rows: Rows::new(variables, rows) }
+    /// A level of tasks that have `rows` rows together, with this regularisation.
+    pub(crate) fn new(variables: usize, rows: usize, damping: f64) -> Self {
+        Self { cost: Problem::new(&Structure::new(variables)), rows: Rows::new(variables, rows), damping }
     }
 
     /// Starts a tick without a task.
-    pub(crate) fn begin(&mut self, damping: f64) {
+    pub(crate) fn begin(&mut self) {
         self.cost.hessian.fill(0.0);
-        self.cost.hessian.fill_diagonal(damping);
+        self.cost.hessian.fill_diagonal(self.damping);
         self.cost.gradient.fill(0.0);
         self.rows.clear();
     }

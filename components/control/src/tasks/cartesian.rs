@@ -1,9 +1,12 @@
 //! A frame reaches a pose.
 
-use motorium_robots::{FrameId, Model, Reference, Twist, lie::se3};
-use nalgebra::{Isometry3, Matrix6xX, Vector6};
+use motorium_robots::{
+    FrameId, Model, Reference, Twist,
+    lie::{se3, so3},
+};
+use nalgebra::{Isometry3, Matrix3, Matrix6xX, Vector3, Vector6};
 
-use super::{Rows, Task, residual};
+use super::{AxisShares, PoseAxes, Rows, Task, residual};
 use crate::{RobotState, solver::Problem};
 
 /// Gains and weights of a [`CartesianTask`].
@@ -22,6 +25,8 @@ pub struct CartesianSettings {
     /// Levenberg-Marquardt damping per speed of correction \[s m/rad^2\]: keeps the robot calm where the target is out
     /// of reach, and vanishes at the target. Should exceed half the tick period times the reach of the robot.
     pub damping: f64,
+    /// Factors of the weights by axis. Default: none, the whole pose counts.
+    pub shares: Option<AxisShares>,
 }
 
 impl Default for CartesianSettings {
@@ -33,6 +38,7 @@ impl Default for CartesianSettings {
             max_linear_speed: f64::INFINITY,
             max_angular_speed: f64::INFINITY,
             damping: 5e-3,
+            shares: None,
         }
     }
 }
@@ -57,6 +63,16 @@ impl Default for CartesianSettings {
 /// (the error and Jacobian of Pink's frame task, there per step and for a target at rest). `c` is scaled down as a
 /// whole where it would exceed the largest speeds, so that the direction is kept.
 ///
+/// With [`shares`](CartesianSettings::shares) position and rotation are apart, so that one may be free without an effect on the other:
+/// `e` is that of [`AxisShares`], and with the velocities `v*`, `w*` of the target, in the axes `R` of the shares,
+///
+/// ```text
+/// A = S (R'J_v - [e_p]x R'J_w;  J(e_o) J_w)        the term of e_p for the axes of the frame alone
+/// b = S (c + (R'v* - w* x e_p;  J(-e_o) w*))       the term of e_p for the axes of the target alone
+/// ```
+///
+/// where `J(e_o) J_w` is the derivative of the rotation vector by the motion of the frame, and `mu = damping |S'W^2 S c|`.
+///
 /// The damping follows the error, not its square: an error that no motion can reduce bends the cost by about
 /// `|W^2 c|` times the reach of the robot, which a step of `dt` must not overshoot. With less damping than
 /// `dt reach / 2` a stretched arm chatters between its velocity limits, however slow the correction.
@@ -68,6 +84,9 @@ pub struct CartesianTask {
     feed_forward: Twist,
     error: Vector6<f64>,
     position_error: f64,
+    orientation_error: f64,
+    /// The correction of the error as the rows see it: `c`, or `S'S c`.
+    pull: Vector6<f64>,
     desired: Vector6<f64>,
     jacobian: Matrix6xX<f64>,
 }
@@ -82,6 +101,8 @@ impl CartesianTask {
             feed_forward: Twist::zero(),
             error: Vector6::zeros(),
             position_error: 0.0,
+            orientation_error: 0.0,
+            pull: Vector6::zeros(),
             desired: Vector6::zeros(),
             jacobian: Matrix6xX::zeros(model.nv()),
         }
@@ -126,7 +147,8 @@ impl CartesianTask {
         &self.target
     }
 
-    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of the frame.
+    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of the frame, or those of the shares without what is
+    /// free.
     pub fn error(&self) -> &Vector6<f64> {
         &self.error
     }
@@ -138,10 +160,10 @@ impl CartesianTask {
 
     /// Angle between frame and target at the last update \[rad\], in `[0, pi]`.
     pub fn orientation_error(&self) -> f64 {
-        self.error.fixed_rows::<3>(3).norm()
+        self.orientation_error
     }
 
-    /// `A` at the last update, 6 x nv: the error's own rate of change is `-A v` for a target at rest.
+    /// `A` at the last update, 6 x nv: the error's own rate of change is `-A v` for a target at rest; with shares that of `S e`.
     pub fn jacobian(&self) -> &Matrix6xX<f64> {
         &self.jacobian
     }
@@ -153,7 +175,70 @@ impl CartesianTask {
 
     fn weights(&self) -> Vector6<f64> {
         let (p, o) = (self.settings.position_weight, self.settings.orientation_weight);
-        Vector6::new(p, p, p, o, o, o)
+        let weights = Vector6::new(p, p, p, o, o, o);
+        // a row without a factor is none
+        self.settings.shares.map_or(weights, |shares| weights.component_mul(&shares.rows()))
+    }
+
+    /// Error, `A` and `b` of the whole pose.
+    fn update_pose(&mut self, state: &RobotState<'_>, pose: &Isometry3<f64>) {
+        let target_in_frame = pose.inv_mul(&self.target);
+        self.error = se3::log(&target_in_frame);
+
+        let axes = self.target.rotation.inverse();
+        let velocity = se3::stack(&(axes * self.feed_forward.linear), &(axes * self.feed_forward.angular));
+        self.pull = self.correction();
+        self.desired = self.pull + se3::log_jacobian(&target_in_frame) * velocity;
+
+        state.kinematics.jacobian(state.model, self.frame, Reference::Local, &mut self.jacobian);
+        let derivative = se3::log_jacobian(&target_in_frame.inverse());
+        for mut column in self.jacobian.column_iter_mut() {
+            let rotated = derivative * column.fixed_rows::<6>(0);
+            column.copy_from(&rotated);
+        }
+    }
+
+    /// The same of the directions that have a share.
+    fn update_axes(&mut self, state: &RobotState<'_>, pose: &Isometry3<f64>, shares: &AxisShares) {
+        let Twist { linear, angular } = self.feed_forward;
+        let from_world = shares.world_to_axes(pose, &self.target);
+        // what is free counts for the motion of the axes, too
+        let place = from_world * (self.target.translation.vector - pose.translation.vector);
+        let turn = from_world * so3::log(&(self.target.rotation * pose.rotation.inverse()));
+        let (counted_place, counted_turn) = shares.error(pose, &self.target);
+        self.error = se3::stack(&counted_place, &counted_turn);
+        let correction = self.correction();
+        self.pull = shares.weigh_twice(&correction);
+
+        // in the axes of frame and target the rotation vector is the same
+        let [frame, target] = [pose.rotation, self.target.rotation].map(|rotation| rotation.inverse());
+        let [frame, target] = match shares.axes() {
+            PoseAxes::World => [Matrix3::identity(); 2],
+            _ => [frame, target].map(|rotation| rotation.to_rotation_matrix().into_inner()),
+        };
+        let (by_frame, by_target) = match shares.axes() {
+            PoseAxes::World => (so3::right_jacobian_inverse(&turn), so3::left_jacobian_inverse(&turn)),
+            _ => (so3::left_jacobian_inverse(&turn), so3::right_jacobian_inverse(&turn)),
+        };
+        let carried = match shares.axes() {
+            PoseAxes::Target => (from_world * angular).cross(&place),
+            _ => Vector3::zeros(),
+        };
+        let moving = shares.weigh(&(from_world * linear - carried), &(by_target * (target * angular)));
+        let (slow, turned) = (correction.fixed_rows::<3>(0), correction.fixed_rows::<3>(3));
+        self.desired = shares.weigh(&slow.into(), &turned.into()) + moving;
+
+        let reference = Reference::LocalWorldAligned;
+        state.kinematics.jacobian(state.model, self.frame, reference, &mut self.jacobian);
+        let (by_frame, carries) = (by_frame * frame, shares.follow_frame());
+        for mut column in self.jacobian.column_iter_mut() {
+            let (v, w) = (column.fixed_rows::<3>(0).into_owned(), column.fixed_rows::<3>(3).into_owned());
+            let mut linear = from_world * v;
+            if carries {
+                linear -= place.cross(&(from_world * w));
+            }
+            column.copy_from(&shares.weigh(&linear, &(by_frame * w)));
+        }
     }
 
     /// `gain e`, slowed to the largest speeds.
@@ -173,19 +258,11 @@ impl Task for CartesianTask {
 
     fn update(&mut self, state: &RobotState<'_>) {
         let pose = state.kinematics.pose(state.model, self.frame);
-        let target_in_frame = pose.inv_mul(&self.target);
-        self.error = se3::log(&target_in_frame);
-        self.position_error = target_in_frame.translation.vector.norm();
-
-        let axes = self.target.rotation.inverse();
-        let velocity = se3::stack(&(axes * self.feed_forward.linear), &(axes * self.feed_forward.angular));
-        self.desired = self.correction() + se3::log_jacobian(&target_in_frame) * velocity;
-
-        state.kinematics.jacobian(state.model, self.frame, Reference::Local, &mut self.jacobian);
-        let derivative = se3::log_jacobian(&target_in_frame.inverse());
-        for mut column in self.jacobian.column_iter_mut() {
-            let rotated = derivative * column.fixed_rows::<6>(0);
-            column.copy_from(&rotated);
+        self.position_error = (self.target.translation.vector - pose.translation.vector).norm();
+        self.orientation_error = pose.rotation.angle_to(&self.target.rotation);
+        match self.settings.shares {
+            None => self.update_pose(state, &pose),
+            Some(shares) => self.update_axes(state, &pose, &shares),
         }
     }
 
@@ -198,7 +275,7 @@ impl Task for CartesianTask {
     fn add_to(&self, problem: &mut Problem) {
         let weights = self.weights();
         let squared = weights.component_mul(&weights);
-        let damping = self.settings.damping * squared.component_mul(&self.correction()).norm();
+        let damping = self.settings.damping * squared.component_mul(&self.pull).norm();
         for j in 0..self.jacobian.ncols() {
             let weighted = squared.component_mul(&self.jacobian.fixed_columns::<1>(j));
             problem.gradient[j] -= weighted.dot(&self.desired);

@@ -1,5 +1,6 @@
 //! Tasks of the robot, each as a least-squares cost on the joint velocity.
 
+mod axes;
 mod cartesian;
 mod centre_of_mass;
 mod contact;
@@ -14,6 +15,7 @@ mod rigid_rotation;
 mod rolling;
 mod unicycle;
 
+pub use axes::{AxisShares, PoseAxes};
 pub use cartesian::{CartesianSettings, CartesianTask};
 pub use centre_of_mass::{CentreOfMassSettings, CentreOfMassTask};
 pub use contact::ContactTask;
@@ -26,9 +28,9 @@ pub use momentum::MomentumTask;
 pub use posture::{PostureSettings, PostureTask};
 pub use relative::{RelativeSettings, RelativeTask};
 pub use rigid_rotation::RigidRotationTask;
-pub(crate) use rigid_rotation::steering_error;
+pub(crate) use rigid_rotation::SteeredWheel;
 pub use rolling::RollingTask;
-pub(crate) use rolling::way_to_ground;
+pub(crate) use rolling::RollingWheel;
 pub use unicycle::{UnicycleSettings, UnicycleTask};
 
 use nalgebra::{Dim, Dyn, Matrix, RawStorage};

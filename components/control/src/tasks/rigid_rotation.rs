@@ -1,13 +1,93 @@
 //! A steered wheel points along the way of its base.
 
-use motorium_robots::{FrameId, Model, Reference};
-use nalgebra::{Isometry3, Matrix6xX, Unit, Vector3};
+use motorium_robots::{FrameId, Kinematics, Model, Reference};
+use nalgebra::{Matrix6xX, Unit, Vector3};
 
 use super::{Cost, Rows, Task};
 use crate::{RobotState, solver::Problem};
 
 /// Speed of a wheel below which it has no direction to point in \[m/s\].
 const STANDING: f64 = 1e-6;
+
+/// A steered wheel of a base: the angle by which it is to turn, and how it turns. It is the same for velocities and for
+/// accelerations.
+#[derive(Clone, Debug)]
+pub(crate) struct SteeredWheel {
+    wheel: FrameId,
+    base: FrameId,
+    axis: Unit<Vector3<f64>>,
+    normal: Unit<Vector3<f64>>,
+    /// Velocity of the base in its own axes: along x, along y, about z.
+    twist: [f64; 3],
+    error: f64,
+    jacobian: Matrix6xX<f64>,
+}
+
+impl SteeredWheel {
+    /// The wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of that frame, on a base with the frame
+    /// `base` at rest on level ground.
+    pub(crate) fn new(model: &Model, wheel: FrameId, base: FrameId, axis: Unit<Vector3<f64>>) -> Self {
+        let (normal, jacobian) = (Vector3::z_axis(), Matrix6xX::zeros(model.nv()));
+        Self { wheel, base, axis, normal, twist: [0.0; 3], error: 0.0, jacobian }
+    }
+
+    /// Puts the wheel on ground with another normal, world axes.
+    pub(crate) fn set_normal(&mut self, normal: Unit<Vector3<f64>>) {
+        self.normal = normal;
+    }
+
+    /// Sets the velocity of the base in its own axes: along x and y \[m/s\], and about z \[rad/s\].
+    pub(crate) fn set_twist(&mut self, twist: [f64; 3]) {
+        self.twist = twist;
+    }
+
+    /// Yaw rate of the base \[rad/s\].
+    pub(crate) fn yaw_rate(&self) -> f64 {
+        self.twist[2]
+    }
+
+    /// The angle at the last [`steer`](Self::steer) \[rad\], 0 without one.
+    pub(crate) fn error(&self) -> f64 {
+        self.error
+    }
+
+    /// The angle about the normal from the direction in which the wheel rolls to the velocity of its centre, or to its opposite
+    /// where that is nearer \[rad\]; `None` for a wheel that is to stand, or that lies flat.
+    fn angle(&self, model: &Model, kinematics: &Kinematics) -> Option<f64> {
+        let [wheel, base] = [self.wheel, self.base].map(|frame| kinematics.pose(model, frame));
+        let (normal, [x, y, yaw]) = (self.normal.into_inner(), self.twist);
+        let flat = |vector: Vector3<f64>| vector - normal * normal.dot(&vector);
+        let arm = flat(wheel.translation.vector - base.translation.vector);
+        let carried = flat(base.rotation * Vector3::new(x, y, 0.0)) + normal.cross(&arm) * yaw;
+        let forward = (wheel.rotation * self.axis.into_inner()).cross(&normal);
+        if carried.norm() <= STANDING || forward.norm() <= STANDING {
+            return None;
+        }
+        let carried = if forward.dot(&carried) < 0.0 { -carried } else { carried };
+        Some(normal.dot(&forward.cross(&carried)).atan2(forward.dot(&carried)))
+    }
+
+    /// Computes the angle, and writes `n' J_w`, the angular velocity of the wheel about the normal, 1 x nv. False for a wheel that
+    /// is asked for nothing.
+    pub(crate) fn steer(&mut self, model: &Model, kinematics: &Kinematics, cost: &mut Cost) -> bool {
+        let angle = self.angle(model, kinematics);
+        self.error = angle.unwrap_or(0.0);
+        let normal = self.normal.into_inner();
+        kinematics.jacobian(model, self.wheel, Reference::LocalWorldAligned, &mut self.jacobian);
+        for (mut row, frame) in cost.matrix_mut().column_iter_mut().zip(self.jacobian.column_iter()) {
+            row[0] = normal.dot(&frame.fixed_rows::<3>(3));
+        }
+        angle.is_some()
+    }
+
+    /// Angular velocity of the wheel about the normal, and the part of its rate that no acceleration of the joints makes
+    /// \[rad/s, rad/s2\].
+    pub(crate) fn turning(&self, model: &Model, kinematics: &Kinematics) -> (f64, f64) {
+        let (moving, drift) =
+            (kinematics.velocity(model, self.wheel), kinematics.acceleration(model, self.wheel));
+        (self.normal.dot(&moving.angular), self.normal.dot(&drift.angular))
+    }
+}
 
 /// A steered wheel turns until it rolls along the velocity that its centre has where the base moves as one rigid body: all steered
 /// wheels of a base then roll about the same instantaneous centre of rotation.
@@ -27,16 +107,9 @@ const STANDING: f64 = 1e-6;
 /// (OpenSoT's task, with the turning of the base as feed-forward.) A wheel that is to stand, or that lies flat, is asked for nothing.
 #[derive(Clone, Debug)]
 pub struct RigidRotationTask {
-    wheel: FrameId,
-    base: FrameId,
-    axis: Unit<Vector3<f64>>,
-    normal: Unit<Vector3<f64>>,
+    steering: SteeredWheel,
     gain: f64,
     weight: f64,
-    /// Velocity of the base in its own axes: along x, along y, about z.
-    twist: [f64; 3],
-    error: f64,
-    jacobian: Matrix6xX<f64>,
     cost: Cost,
 }
 
@@ -44,18 +117,8 @@ impl RigidRotationTask {
     /// A task for the wheel whose centre is the origin of the frame `wheel`, with its axis in the axes of that frame, on a base with
     /// the frame `base` at rest on level ground; with gain 10 and weight 1.
     pub fn new(model: &Model, wheel: FrameId, base: FrameId, axis: Unit<Vector3<f64>>) -> Self {
-        Self {
-            wheel,
-            base,
-            axis,
-            normal: Vector3::z_axis(),
-            gain: 10.0,
-            weight: 1.0,
-            twist: [0.0; 3],
-            error: 0.0,
-            jacobian: Matrix6xX::zeros(model.nv()),
-            cost: Cost::dense(1, 0, model.nv()),
-        }
+        let steering = SteeredWheel::new(model, wheel, base, axis);
+        Self { steering, gain: 10.0, weight: 1.0, cost: Cost::dense(1, 0, model.nv()) }
     }
 
     /// The same task with a gain \[1/s\] and a weight \[1/(rad/s)\].
@@ -73,18 +136,18 @@ impl RigidRotationTask {
     /// The same task on ground with another normal, world axes.
     #[must_use]
     pub fn on(mut self, normal: Unit<Vector3<f64>>) -> Self {
-        self.normal = normal;
+        self.steering.set_normal(normal);
         self
     }
 
     /// Sets the velocity of the base in its own axes: along x and y \[m/s\], and about z \[rad/s\].
     pub fn set_twist(&mut self, x: f64, y: f64, yaw: f64) {
-        self.twist = [x, y, yaw];
+        self.steering.set_twist([x, y, yaw]);
     }
 
     /// `e` at the last update \[rad\], from -pi/2 to pi/2; 0 for a wheel that is asked for nothing.
     pub fn error(&self) -> f64 {
-        self.error
+        self.steering.error()
     }
 
     /// The cost as of the last update.
@@ -93,43 +156,15 @@ impl RigidRotationTask {
     }
 }
 
-/// The angle about the normal from the direction in which a steered wheel rolls to the velocity of its centre, or to its opposite where
-/// that is nearer \[rad\]; `None` for a wheel that is to stand, or that lies flat. `twist` is that of the base, in its own axes.
-pub(crate) fn steering_error(
-    wheel: &Isometry3<f64>,
-    base: &Isometry3<f64>,
-    axis: &Unit<Vector3<f64>>,
-    normal: &Unit<Vector3<f64>>,
-    [x, y, yaw]: [f64; 3],
-) -> Option<f64> {
-    let flat = |vector: Vector3<f64>| vector - normal.into_inner() * normal.dot(&vector);
-    let arm = flat(wheel.translation.vector - base.translation.vector);
-    let carried = flat(base.rotation * Vector3::new(x, y, 0.0)) + normal.cross(&arm) * yaw;
-    let forward = (wheel.rotation * axis.into_inner()).cross(normal);
-    if carried.norm() <= STANDING || forward.norm() <= STANDING {
-        return None;
-    }
-    let carried = if forward.dot(&carried) < 0.0 { -carried } else { carried };
-    Some(normal.dot(&forward.cross(&carried)).atan2(forward.dot(&carried)))
-}
-
 impl Task for RigidRotationTask {
     fn rows(&self) -> usize {
         1
     }
 
     fn update(&mut self, state: &RobotState<'_>) {
-        let RobotState { model, kinematics, .. } = *state;
-        let (wheel, base) = (kinematics.pose(model, self.wheel), kinematics.pose(model, self.base));
-        let error = steering_error(&wheel, &base, &self.axis, &self.normal, self.twist);
-        self.error = error.unwrap_or(0.0);
-        let normal = self.normal.into_inner();
-        kinematics.jacobian(model, self.wheel, Reference::LocalWorldAligned, &mut self.jacobian);
-        for (mut row, frame) in self.cost.matrix_mut().column_iter_mut().zip(self.jacobian.column_iter()) {
-            row[0] = normal.dot(&frame.fixed_rows::<3>(3));
-        }
-        self.cost.desired_mut()[0] = self.gain * self.error + self.twist[2];
-        self.cost.weights_mut()[0] = if error.is_some() { self.weight } else { 0.0 };
+        let steers = self.steering.steer(state.model, state.kinematics, &mut self.cost);
+        self.cost.desired_mut()[0] = self.gain * self.steering.error() + self.steering.yaw_rate();
+        self.cost.weights_mut()[0] = if steers { self.weight } else { 0.0 };
     }
 
     fn residual(&self, velocity: &[f64]) -> f64 {

@@ -1,6 +1,6 @@
 //! A wheel rolls without slipping.
 
-use motorium_robots::{FrameId, Model, Reference};
+use motorium_robots::{FrameId, Kinematics, Model, Reference};
 use nalgebra::{Matrix6xX, Unit, Vector3};
 
 use super::{Cost, Rows, Task};
@@ -8,6 +8,81 @@ use crate::{RobotState, solver::Problem};
 
 /// Sine of the angle from the normal of the ground up to which the axis of a wheel counts as upright: the wheel lies flat.
 const FLAT: f64 = 1e-6;
+
+/// A wheel on the ground: where it touches, and how the point at the contact moves. It is the same for velocities and for
+/// accelerations.
+#[derive(Clone, Debug)]
+pub(crate) struct RollingWheel {
+    frame: FrameId,
+    axis: Unit<Vector3<f64>>,
+    radius: f64,
+    normal: Unit<Vector3<f64>>,
+    jacobian: Matrix6xX<f64>,
+}
+
+/// The contact of a wheel that does not lie flat, world axes.
+pub(crate) struct RollingContact {
+    axis: Vector3<f64>,
+    /// Direction from the ground to the centre of the wheel, and the length of what the normal has across the axis.
+    up: Vector3<f64>,
+    length: f64,
+    /// Way from the centre of the wheel to the contact \[m\].
+    pub(crate) way: Vector3<f64>,
+}
+
+impl RollingWheel {
+    /// The wheel whose centre is the origin of `frame`, with its axis in the axes of the frame and its radius \[m\], on level ground.
+    pub(crate) fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, radius: f64) -> Self {
+        Self { frame, axis, radius, normal: Vector3::z_axis(), jacobian: Matrix6xX::zeros(model.nv()) }
+    }
+
+    /// Puts the wheel on ground with another normal, world axes.
+    pub(crate) fn set_normal(&mut self, normal: Unit<Vector3<f64>>) {
+        self.normal = normal;
+    }
+
+    /// The contact; `None` for a wheel that lies flat.
+    pub(crate) fn contact(&self, model: &Model, kinematics: &Kinematics) -> Option<RollingContact> {
+        let axis = kinematics.pose(model, self.frame).rotation * self.axis.into_inner();
+        let across = self.normal.into_inner() - axis * axis.dot(&self.normal);
+        let (up, length) = Unit::try_new_and_get(across, FLAT)?;
+        let up = up.into_inner();
+        Some(RollingContact { axis, up, length, way: -up * self.radius })
+    }
+
+    /// Writes the Jacobian `J_v - [c]x J_w` of the point of the wheel at the way `c` from its centre, 3 x nv.
+    pub(crate) fn write_jacobian(
+        &mut self,
+        model: &Model,
+        kinematics: &Kinematics,
+        way: &Vector3<f64>,
+        cost: &mut Cost,
+    ) {
+        kinematics.jacobian(model, self.frame, Reference::LocalWorldAligned, &mut self.jacobian);
+        for (mut row, frame) in cost.matrix_mut().column_iter_mut().zip(self.jacobian.column_iter()) {
+            let (linear, angular) = (frame.fixed_rows::<3>(0), frame.fixed_rows::<3>(3));
+            row.copy_from(&(linear + angular.cross(way)));
+        }
+    }
+
+    /// Velocity of the point of the wheel at the contact, and the part of its acceleration that no acceleration of the joints
+    /// makes: `v' + w' x c + w x c'` \[m/s, m/s2, world axes\].
+    pub(crate) fn slip(
+        &self,
+        model: &Model,
+        kinematics: &Kinematics,
+        contact: &RollingContact,
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let moving = kinematics.velocity(model, self.frame);
+        let drift = kinematics.acceleration(model, self.frame);
+        let RollingContact { axis, up, length, way } = contact;
+        let turning = moving.angular.cross(axis);
+        let across = -turning * axis.dot(&self.normal) - axis * turning.dot(&self.normal);
+        let way_rate = -(across - up * up.dot(&across)) * (self.radius / length);
+        let slip = moving.linear + moving.angular.cross(way);
+        (slip, drift.linear + drift.angular.cross(way) + moving.angular.cross(&way_rate))
+    }
+}
 
 /// The point of a wheel that touches the ground rests: the wheel rolls along, and does not slip or slide.
 ///
@@ -25,13 +100,9 @@ const FLAT: f64 = 1e-6;
 /// flat has no contact point, and is asked for nothing.
 #[derive(Clone, Debug)]
 pub struct RollingTask {
-    frame: FrameId,
-    axis: Unit<Vector3<f64>>,
-    radius: f64,
-    normal: Unit<Vector3<f64>>,
+    wheel: RollingWheel,
     weight: f64,
     contact: Vector3<f64>,
-    jacobian: Matrix6xX<f64>,
     cost: Cost,
 }
 
@@ -40,13 +111,9 @@ impl RollingTask {
     /// level ground, with weight 1.
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, radius: f64) -> Self {
         Self {
-            frame,
-            axis,
-            radius,
-            normal: Vector3::z_axis(),
+            wheel: RollingWheel::new(model, frame, axis, radius),
             weight: 1.0,
             contact: Vector3::zeros(),
-            jacobian: Matrix6xX::zeros(model.nv()),
             cost: Cost::dense(3, 0, model.nv()),
         }
     }
@@ -54,7 +121,7 @@ impl RollingTask {
     /// The same task on ground with another normal, world axes.
     #[must_use]
     pub fn on(mut self, normal: Unit<Vector3<f64>>) -> Self {
-        self.normal = normal;
+        self.wheel.set_normal(normal);
         self
     }
 
@@ -81,31 +148,18 @@ impl RollingTask {
     }
 }
 
-/// The direction from the ground to the centre of a wheel with this axis (world axes), and the length of what the normal has across the
-/// axis; `None` for a wheel that lies flat.
-pub(crate) fn way_to_ground(axis: &Vector3<f64>, normal: &Unit<Vector3<f64>>) -> Option<(Vector3<f64>, f64)> {
-    let across = normal.into_inner() - axis * axis.dot(normal);
-    Unit::try_new_and_get(across, FLAT).map(|(up, length)| (up.into_inner(), length))
-}
-
 impl Task for RollingTask {
     fn rows(&self) -> usize {
         3
     }
 
     fn update(&mut self, state: &RobotState<'_>) {
-        let axis = state.kinematics.pose(state.model, self.frame).rotation * self.axis;
-        let upright = way_to_ground(&axis, &self.normal);
-        self.contact = upright.map_or(Vector3::zeros(), |(up, _)| -up * self.radius);
-        let weight = if upright.is_some() { self.weight } else { 0.0 };
+        let RobotState { model, kinematics, .. } = *state;
+        let contact = self.wheel.contact(model, kinematics);
+        let weight = if contact.is_some() { self.weight } else { 0.0 };
+        self.contact = contact.map_or(Vector3::zeros(), |contact| contact.way);
         self.cost.weights_mut().fill(weight);
-        let reference = Reference::LocalWorldAligned;
-        state.kinematics.jacobian(state.model, self.frame, reference, &mut self.jacobian);
-        let contact = self.contact;
-        for (mut row, frame) in self.cost.matrix_mut().column_iter_mut().zip(self.jacobian.column_iter()) {
-            let (linear, angular) = (frame.fixed_rows::<3>(0), frame.fixed_rows::<3>(3));
-            row.copy_from(&(linear + angular.cross(&contact)));
-        }
+        self.wheel.write_jacobian(model, kinematics, &self.contact, &mut self.cost);
     }
 
     fn residual(&self, velocity: &[f64]) -> f64 {

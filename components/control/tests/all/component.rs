@@ -62,6 +62,23 @@ fn a_strong_posture_pulls_the_hand_off_its_target_in_a_sum_and_not_from_a_level_
 }
 
 #[test]
+fn a_level_with_a_regularisation_of_its_own_is_calmer_and_those_above_are_as_before() {
+    let ran = |levels: &str| {
+        let tasks = "tasks = [{ cartesian = {} }, { posture = { level = 2, weight = 0.1, positions = [0.6, -0.5, 0.3, -2.0, 0.2, 1.8, 0.5, 0.02] } }]";
+        run(graph("{}", resting(), controller(&format!("{{ {tasks}, {levels} }}"))))
+    };
+    let (usual, calm) = (ran("levels = []"), ran("levels = [{ level = 2, damping = 0.5 }]"));
+    let elbow = |report: &Report| number(&report.results["plant"]["q"][2]).abs();
+    // with fifty times its weight against it the posture has hardly moved the elbow
+    assert!(elbow(&usual) > 0.03 && elbow(&calm) < 0.2 * elbow(&usual), "{} {}", elbow(&calm), elbow(&usual));
+    for report in [&usual, &calm] {
+        assert!(number(&report.results["controller"]["position_error_m"]) < 1e-4);
+    }
+    let same = ran("levels = [{ level = 1, damping = 1e-7 }, { level = 2, damping = 1e-7 }]");
+    assert_eq!(same.state_hash, usual.state_hash);
+}
+
+#[test]
 fn gravity_is_that_of_the_world_unless_the_controller_states_its_own() {
     let hash = |config: &str, world: Option<&str>| {
         let graph = graph("{ gravity = -1.62 }", Targets::default(), controller(config));
@@ -280,6 +297,14 @@ fn configurations_that_cannot_work_are_refused_with_their_key_and_advice() {
     assert_refused("{ tasks = [{ posture = {} }, { posture = {} }] }", &["task name `posture`"]);
     assert_refused("{ kd = [1.0] }", &["kd", "1 numbers, expected 8"]);
     assert_refused("{ kp = -5 }", &["kp of joint \"panda_joint1\" is -5"]);
+    assert_refused(
+        "{ levels = [{ level = 2, damping = 1e-3 }] }",
+        &["levels[0].level", "no task", "level 1"],
+    );
+    let twice = "{ levels = [{ level = 1, damping = 1e-3 }, { level = 1, damping = 1e-4 }] }";
+    assert_refused(twice, &["levels[1].level", "twice"]);
+    assert_refused("{ levels = [{ level = 1, damping = 2.0 }] }", &["levels[0].damping", "2, expected from"]);
+    assert_refused("{ levels = [{ level = 1 }] }", &["damping"]);
     assert_refused("{ limits = { velocity = { fraction = 1.5 } } }", &["limits.velocity.fraction", "1.5"]);
     assert_refused("{ state_timeout = \"10\" }", &["state_timeout", "unit"]);
     assert_refused("{ max_lead = 0.0 }", &["max_lead"]);

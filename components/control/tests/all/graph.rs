@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
-use motorium::launcher::{Exit, Report};
+use motorium::launcher::{Exit, Options, Report};
 use motorium::prelude::*;
+use motorium::session::Session;
 use motorium::testing::{Graph, Instance, Source};
+use motorium::worker::{Kind, Registry, RobotSource};
 use motorium_control::QpController;
 use motorium_robots::{Dynamics, Kinematics, Model, load};
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
@@ -253,6 +255,23 @@ pub(crate) fn graph(plant: &str, targets: Targets, controller: Instance) -> Grap
         )
         .with(Source::from(targets))
         .with(controller)
+}
+
+/// A simulated Panda and a controller without a target, driven by the test; the commands go to `panda/joint_command`.
+pub(crate) fn session(config: &str) -> Session<'static> {
+    let graph = Graph::new("control-test")
+        .robot("panda", "panda")
+        .with(
+            Instance::of::<Plant>("plant")
+                .rate("1 kHz")
+                .subscribe("joint_command", "panda/joint_command")
+                .publish("joint_state", "panda/joint_state"),
+        )
+        .with(bare_controller(config).robot("panda"));
+    let kinds = [Kind::of::<Plant>(), Kind::of::<QpController>()];
+    let registry = Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, kinds);
+    let plan = graph.check().unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
+    Session::launch(plan, &registry, &Options::threads()).unwrap()
 }
 
 /// A run of 4 s.

@@ -286,3 +286,28 @@ fn an_orientation_that_is_not_controlled_has_no_error() {
     }
     assert!(number(&result["position_error_m"]) < 1e-4);
 }
+
+#[test]
+fn the_centre_of_mass_is_no_faster_than_its_limit_by_velocities_and_by_torques() {
+    // at 1 cm/s it has not come farther than 4 cm in 4 s, where without a limit it goes much farther
+    let moved = |config: &str| {
+        let report = ran(config);
+        let centre = |axis: usize| number(&report.results["plant"]["centre_of_mass"][axis]);
+        [centre(0), centre(1), centre(2)]
+    };
+    for dynamics in ["", "inverse_dynamics = {}, "] {
+        let of = |limits: &str| moved(&format!("{{ {dynamics}limits = {limits}, tasks = [{AWAY}] }}"));
+        let (free, slow) = (of("{}"), of("{ centre_of_mass_velocity = { x = 0.01 } }"));
+        let still = moved("{ tasks = [{ minimum = { of = \"velocity\" } }] }");
+        assert!((free[0] - still[0]).abs() > 0.05, "{dynamics} {free:?} {still:?}");
+        assert!((slow[0] - still[0]).abs() < 0.0415, "{dynamics} {slow:?} {still:?}");
+    }
+    refused(
+        "{ limits = { centre_of_mass_velocity = { x = -0.2 } } }",
+        &["limits.centre_of_mass_velocity.x", "-0.2, expected at least 0"],
+    );
+    refused(
+        "{ limits = { centre_of_mass_velocity = {} } }",
+        &["limits.centre_of_mass_velocity", "limits nothing"],
+    );
+}

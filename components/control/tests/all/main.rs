@@ -2,8 +2,10 @@
 
 mod admittance;
 mod allocations;
+mod axes;
 mod component;
 mod diagnostics;
+mod fades;
 mod feed_forward;
 mod gaze;
 mod graph;

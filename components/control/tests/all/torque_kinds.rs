@@ -121,3 +121,56 @@ fn a_task_of_wheels_may_hold_exactly_in_torques() {
     let relaxed = &held.results["controller"]["solver"]["steps_relaxed"];
     assert_eq!(relaxed, 0, "it holds exactly");
 }
+
+#[test]
+fn a_hand_and_joints_are_drawn_by_springs_whose_parameters_take_the_place_of_the_gain() {
+    let spring = "impedance = { stiffness = 400.0, damping = 80.0, rotational_stiffness = 10.0, rotational_damping = 1.0 }";
+    let joints = "impedance = { stiffness = 20.0, damping = 4.0 }";
+    let tasks = format!("{{ cartesian = {{ {spring} }} }}, {{ posture = {{ level = 2, {joints} }} }}");
+    let config = |tasks: &str| format!("{{ inverse_dynamics = {{}}, tasks = [{tasks}] }}");
+    let moving = |tasks: &str, parameter: Option<(&str, f64)>| {
+        let controller = bare_controller(&config(tasks)).robot("panda").subscribe("target", "panda/target");
+        let controller = parameter
+            .into_iter()
+            .fold(controller, |controller, (name, value)| controller.parameter(name, value));
+        run(graph("{}", Targets::default(), controller))
+    };
+    let report = moving(&tasks, None);
+    let component = report.components.iter().find(|component| component.name == "controller").unwrap();
+    assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
+    let error = |report: &Report| {
+        number(&report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"])
+    };
+    assert!(error(&report) < 0.01, "it comes to its target: {}", error(&report));
+    let softer = moving(&tasks, Some(("cartesian_stiffness", 40.0)));
+    assert!(error(&softer) > 2.0 * error(&report), "{} {}", error(&softer), error(&report));
+
+    let refused = |config: &str, words: &[&str]| {
+        let graph = graph(
+            "{}",
+            Targets::default(),
+            bare_controller(config).robot("panda").subscribe("target", "panda/target"),
+        );
+        let error = graph.check().expect_err("it must be refused").render(false);
+        for word in words {
+            assert!(error.contains(word), "no `{word}` in\n{error}");
+        }
+    };
+    refused(
+        &format!("{{ tasks = [{{ cartesian = {{ {spring} }} }}] }}"),
+        &["cartesian.impedance", "inverse_dynamics"],
+    );
+    refused(
+        &config(&format!("{{ cartesian = {{ gain = 3.0, {spring} }} }}")),
+        &["cartesian.gain", "beside `impedance`"],
+    );
+    refused(
+        &config("{ posture = { impedance = { stiffness = [1.0], damping = 1.0 } } }"),
+        &["impedance.stiffness", "expected 8"],
+    );
+    refused(
+        &config("{ posture = { impedance = { stiffness = -1.0, damping = 1.0 } } }"),
+        &["impedance.stiffness", "-1"],
+    );
+    refused(&config("{ cartesian = { impedance = { stiffness = 1.0 } } }"), &["damping"]);
+}

@@ -1,10 +1,13 @@
 //! Tests of inverse dynamics: tasks, contacts, limits, levels, and what happens where constraints conflict.
 
 mod added_tasks;
+mod axes;
 mod barriers;
 mod closed_loop;
 mod constraints;
+mod first_order;
 mod friction;
+mod impedance;
 mod limits;
 mod points;
 mod robots;

@@ -7,7 +7,9 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use super::{
+    Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+};
 use crate::inverse_dynamics::tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights};
 use crate::tasks::{CartesianSettings, CartesianTask, Task};
 use crate::{Admittance, AdmittanceSettings, RobotState};
@@ -233,15 +235,18 @@ impl HeldTask for HeldAdmittance {
         (self.targeted, self.largest, self.silent) = (false, 0.0, 0);
     }
 
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        let gain = self.gain.follow(bounds).min(bounds.max_gain);
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let gain = self.gain.follow(bounds, fades).min(bounds.max_gain);
         self.task.set_settings(CartesianSettings { gain, ..*self.task.settings() });
         self.law.set_settings(AdmittanceSettings {
-            mass: self.mass.follow(bounds),
-            damping: self.damping.follow(bounds),
-            stiffness: self.stiffness.follow(bounds),
+            mass: self.mass.follow(bounds, fades),
+            damping: self.damping.follow(bounds, fades),
+            stiffness: self.stiffness.follow(bounds, fades),
             ..*self.law.settings()
         });
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
         if let Some(reading) = self.target.latest() {
             let [x, y, z, w] = reading.orientation;
             // a target whose orientation is no unit quaternion is not taken

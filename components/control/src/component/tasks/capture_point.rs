@@ -6,7 +6,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::{
-    Formulations, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+    Fades, Formulations, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
+    WEIGHTS,
 };
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationTask, CapturePoint};
@@ -114,8 +115,12 @@ impl HeldTask for HeldCapturePoint {
         (self.targeted, self.largest) = (false, 0.0);
     }
 
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        self.task
+            .set(self.gain.follow(bounds, fades).min(bounds.max_gain), self.weight.follow(bounds, fades));
+    }
+
     fn prepare(&mut self, bounds: &TaskBounds) {
-        self.task.set(self.gain.follow(bounds).min(bounds.max_gain), self.weight.follow(bounds));
         let Some(reading) = self.input.latest() else { return };
         let fresh = reading.age_ns() <= bounds.target_timeout_ns;
         let velocity = if fresh { Vector3::from(reading.linear_velocity).xy() } else { Vector2::zeros() };

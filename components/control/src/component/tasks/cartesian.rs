@@ -7,8 +7,14 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
-use crate::inverse_dynamics::tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights};
+use super::impedance::{CartesianImpedanceConfig, Gain};
+use super::{
+    AxesConfig, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
+    WEIGHTS,
+};
+use crate::inverse_dynamics::tasks::{
+    AccelerationTask, CartesianAcceleration, CartesianImpedance, CartesianWeights,
+};
 use crate::tasks::{CartesianSettings, CartesianTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
 
@@ -27,10 +33,14 @@ pub struct CartesianConfig {
     pub target: String,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 10.
     pub gain: f64,
+    /// Spring and damper in place of the gain. Default: none.
+    pub impedance: Option<CartesianImpedanceConfig>,
     /// Cost of a velocity error, 1/(m/s), 0 to 1000. Default 1.
     pub position_weight: f64,
     /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 0.5.
     pub orientation_weight: f64,
+    /// Factors of both weights by axis: what has none is free. Default: the whole pose counts.
+    pub axes: Option<AxesConfig>,
     /// Largest speed at which an error is corrected, m/s. Default: no limit.
     pub max_linear_speed: Option<f64>,
     /// Largest angular speed at which an error is corrected, rad/s. Default: no limit.
@@ -53,8 +63,10 @@ impl Default for CartesianConfig {
             frame: None,
             target: "target".to_owned(),
             gain: settings.gain,
+            impedance: None,
             position_weight: settings.position_weight,
             orientation_weight: settings.orientation_weight,
+            axes: None,
             max_linear_speed: None,
             max_angular_speed: None,
             damping: None,
@@ -76,19 +88,30 @@ impl CartesianConfig {
             max_linear_speed: place.max_speed("max_linear_speed", self.max_linear_speed)?,
             max_angular_speed: place.max_speed("max_angular_speed", self.max_angular_speed)?,
             damping: place.damping(self.damping, CartesianSettings::default().damping)?,
+            shares: self.axes.as_ref().map(|axes| axes.shares(place)).transpose()?,
         };
         Ok(CartesianTask::new(model, frame).with(settings))
     }
 
+    /// Spring and damper, if it has them.
+    fn spring(&self, place: &TaskPlace<'_>) -> Result<Option<CartesianImpedance>, ConfigError> {
+        let gain = || Gain { given: self.gain, default: CartesianSettings::default().gain };
+        self.impedance.as_ref().map(|impedance| impedance.build(place, gain())).transpose()
+    }
+
     /// The tolerance of the goals: what the task leaves free is not missed.
     fn tolerance(&self, place: &TaskPlace<'_>) -> Result<GoalTolerance, ConfigError> {
-        let of = |name, tolerance, weight| {
+        let of = |name, tolerance, counts| {
             let tolerance = place.tolerance(name, tolerance)?;
-            Ok(if weight == 0.0 { f64::INFINITY } else { tolerance })
+            Ok(if counts { tolerance } else { f64::INFINITY })
         };
+        let shares = self.axes.as_ref().map(|axes| axes.shares(place)).transpose()?;
+        let position = self.position_weight > 0.0 && shares.is_none_or(|shares| shares.has_position());
+        let orientation =
+            self.orientation_weight > 0.0 && shares.is_none_or(|shares| shares.has_orientation());
         Ok(GoalTolerance {
-            position: of("position_tolerance", self.position_tolerance, self.position_weight)?,
-            orientation: of("orientation_tolerance", self.orientation_tolerance, self.orientation_weight)?,
+            position: of("position_tolerance", self.position_tolerance, position)?,
+            orientation: of("orientation_tolerance", self.orientation_tolerance, orientation)?,
         })
     }
 }
@@ -99,8 +122,7 @@ impl TaskKind for CartesianConfig {
     }
 
     fn parameters(&self) -> Vec<TaskParameter> {
-        vec![
-            TaskParameter::gain(self.gain),
+        let weights = [
             TaskParameter::new(
                 "position_weight",
                 self.position_weight,
@@ -115,12 +137,17 @@ impl TaskKind for CartesianConfig {
                 "1/(rad/s)",
                 "cost of an angular velocity error",
             ),
-        ]
+        ];
+        match &self.impedance {
+            None => std::iter::once(TaskParameter::gain(self.gain)).chain(weights).collect(),
+            Some(impedance) => impedance.parameters().into_iter().chain(weights).collect(),
+        }
     }
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
         self.tolerance(place)?;
+        self.spring(place)?;
         declare.input::<PoseTarget>(&self.target, "pose and velocity of the frame, in the world frame");
         Ok(())
     }
@@ -132,13 +159,23 @@ impl TaskKind for CartesianConfig {
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let task = self.build(place)?;
         let input = setup.input(&self.target)?;
-        let [gain, position_weight, orientation_weight] = self.open(setup)?;
+        let spring = self.spring(place)?;
+        let (pull, [position_weight, orientation_weight]) = match spring {
+            None => {
+                let [gain, position, orientation] = self.open(setup)?;
+                (Pull::Gain(gain), [position, orientation])
+            }
+            Some(spring) => {
+                let [stiffness, damping, position, orientation] = self.open(setup)?;
+                (Pull::Spring { spring, stiffness, damping }, [position, orientation])
+            }
+        };
         let twin = CartesianAcceleration::new(place.model, task.frame(), feedback(self.gain));
         Ok(Box::new(Cartesian {
             acceleration: place.torque.then_some(twin),
             task,
             input,
-            gain,
+            pull,
             position_weight,
             orientation_weight,
             goals: GoalRecord::new(self.tolerance(place)?),
@@ -148,12 +185,20 @@ impl TaskKind for CartesianConfig {
     }
 }
 
+/// The pull of an error.
+enum Pull {
+    /// The rate at which it decays.
+    Gain(Ramped),
+    /// A spring and a damper, with parameters of the position.
+    Spring { spring: CartesianImpedance, stiffness: Ramped, damping: Ramped },
+}
+
 /// A frame that follows the poses of one input.
 struct Cartesian {
     task: CartesianTask,
     acceleration: Option<CartesianAcceleration>,
     input: Input<PoseTarget>,
-    gain: Ramped,
+    pull: Pull,
     position_weight: Ramped,
     orientation_weight: Ramped,
     goals: GoalRecord,
@@ -161,6 +206,17 @@ struct Cartesian {
     current: Option<PoseTarget>,
     /// Targets whose orientation is no unit quaternion.
     refused: u64,
+}
+
+impl Cartesian {
+    /// True for the position, and for the orientation, if it is controlled.
+    fn counts(&self) -> (bool, bool) {
+        let CartesianSettings { position_weight, orientation_weight, shares, .. } = *self.task.settings();
+        (
+            position_weight > 0.0 && shares.is_none_or(|shares| shares.has_position()),
+            orientation_weight > 0.0 && shares.is_none_or(|shares| shares.has_orientation()),
+        )
+    }
 }
 
 impl HeldTask for Cartesian {
@@ -179,11 +235,19 @@ impl HeldTask for Cartesian {
         (self.current, self.refused) = (None, 0);
     }
 
-    fn prepare(&mut self, bounds: &TaskBounds) {
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let gain = match &mut self.pull {
+            Pull::Gain(gain) => gain.follow(bounds, fades).min(bounds.max_gain),
+            Pull::Spring { spring, stiffness, damping } => {
+                spring.stiffness = stiffness.follow(bounds, fades);
+                spring.damping = damping.follow(bounds, fades);
+                self.task.settings().gain
+            }
+        };
         self.task.set_settings(CartesianSettings {
-            gain: self.gain.follow(bounds).min(bounds.max_gain),
-            position_weight: self.position_weight.follow(bounds),
-            orientation_weight: self.orientation_weight.follow(bounds),
+            gain,
+            position_weight: self.position_weight.follow(bounds, fades),
+            orientation_weight: self.orientation_weight.follow(bounds, fades),
             ..*self.task.settings()
         });
         if let Some(twin) = &mut self.acceleration {
@@ -193,9 +257,16 @@ impl HeldTask for Cartesian {
                 orientation: settings.orientation_weight,
                 max_linear_speed: settings.max_linear_speed,
                 max_angular_speed: settings.max_angular_speed,
+                shares: settings.shares,
             };
             twin.set(feedback(settings.gain), weights);
+            if let Pull::Spring { spring, .. } = &self.pull {
+                twin.set_impedance(*spring);
+            }
         }
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
         let Some(reading) = self.input.latest() else { return };
         let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
         let [x, y, z, w] = target.orientation;
@@ -230,12 +301,20 @@ impl HeldTask for Cartesian {
         let pose = measured.kinematics.pose(measured.model, self.task.frame());
         let settings = self.task.settings();
         // what is not controlled has no error
-        let position = match settings.position_weight > 0.0 {
-            true => (self.task.target().translation.vector - pose.translation.vector).norm(),
-            false => 0.0,
+        let wanted = self.task.target();
+        let (position, orientation) = match &settings.shares {
+            Some(shares) => {
+                let (position, turn) = shares.error(&pose, wanted);
+                (position.norm(), turn.norm())
+            }
+            None => {
+                let position = wanted.translation.vector - pose.translation.vector;
+                (position.norm(), pose.rotation.angle_to(&wanted.rotation))
+            }
         };
-        let turned = settings.orientation_weight > 0.0;
-        let orientation = turned.then(|| pose.rotation.angle_to(&self.task.target().rotation));
+        let (moved, turned) = self.counts();
+        let position = if moved { position } else { 0.0 };
+        let orientation = turned.then_some(orientation);
         let error = GoalError { position, orientation };
         self.goals.observe(target.goal, target.at_goal != 0, error, dt);
     }
@@ -247,8 +326,7 @@ impl HeldTask for Cartesian {
     fn result(&self) -> Option<serde_json::Value> {
         let summary = self.goals.summary();
         let latest = self.goals.latest();
-        let position =
-            |error: GoalError| (self.task.settings().position_weight > 0.0).then_some(error.position);
+        let position = |error: GoalError| self.counts().0.then_some(error.position);
         Some(serde_json::json!({
             "goals_reached": summary.reached,
             "goals_missed": summary.missed,

@@ -4,7 +4,7 @@ use motorium::prelude::*;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{HeldTask, TaskBounds, TaskConfig, TaskHead, TaskKind, TaskParameter, TaskPlace};
+use super::{Fades, HeldTask, TaskBounds, TaskConfig, TaskHead, TaskKind, TaskParameter, TaskPlace};
 use crate::inverse_dynamics::tasks::AccelerationTask;
 use crate::tasks::Task;
 use crate::{GoalRecord, RobotState};
@@ -72,6 +72,10 @@ impl HeldTask for Constraint {
 
     fn reset(&mut self) {
         self.0.reset();
+    }
+
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        self.0.weigh(bounds, fades);
     }
 
     fn prepare(&mut self, bounds: &TaskBounds) {

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::{
-    Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+    Fades, Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
 use crate::inverse_dynamics::tasks::{AccelerationTask, ContactWrench};
 
@@ -112,9 +112,12 @@ struct HeldWrench {
 }
 
 impl HeldTask for HeldWrench {
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        let [force, torque] = self.weights.each_mut().map(|parameter| parameter.follow(bounds));
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let [force, torque] = self.weights.each_mut().map(|parameter| parameter.follow(bounds, fades));
         self.task.set_weights(force, torque);
+    }
+
+    fn prepare(&mut self, _: &TaskBounds) {
         if let Some(target) = self.input.latest() {
             self.task.set_target(Twist { linear: target.force.into(), angular: target.torque.into() });
         }

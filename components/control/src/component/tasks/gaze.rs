@@ -6,7 +6,9 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use super::{
+    Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+};
 use crate::inverse_dynamics::tasks::{AccelerationTask, GazeAcceleration};
 use crate::tasks::{GazeSettings, GazeTask, Task};
 use crate::{GoalError, GoalRecord, GoalTolerance, RobotState};
@@ -153,15 +155,18 @@ impl HeldTask for Gaze {
         self.current = None;
     }
 
-    fn prepare(&mut self, bounds: &TaskBounds) {
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
         self.task.set_settings(GazeSettings {
-            gain: self.gain.follow(bounds).min(bounds.max_gain),
-            weight: self.weight.follow(bounds),
+            gain: self.gain.follow(bounds, fades).min(bounds.max_gain),
+            weight: self.weight.follow(bounds, fades),
             ..*self.task.settings()
         });
         if let Some(twin) = &mut self.acceleration {
             twin.set(feedback(self.task.settings().gain), self.task.settings().weight);
         }
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
         let Some(reading) = self.input.latest() else { return };
         let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
         let velocity = if fresh { Vector3::from(target.linear_velocity) } else { Vector3::zeros() };

@@ -2,7 +2,7 @@
 
 use motorium::prelude::*;
 
-use super::{Ramped, TaskPlace};
+use super::{Fades, Ramped, TaskPlace};
 use crate::inverse_dynamics::tasks::{AccelerationTask, JointVelocities, JointVelocityAcceleration};
 use crate::limits::RowLimit;
 use crate::tasks::Task;
@@ -24,8 +24,11 @@ pub(in crate::component) trait HeldTask {
     /// Forgets all targets, for a new episode; [`begin`](Self::begin) follows.
     fn reset(&mut self) {}
 
-    /// Applies the current parameters and the newest target, once per step.
-    fn prepare(&mut self, bounds: &TaskBounds);
+    /// Applies the current parameters: once per step, and again for each part of the mixture while weights fade.
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades);
+
+    /// Applies the newest target, once per step, after the parameters.
+    fn prepare(&mut self, _bounds: &TaskBounds) {}
 
     /// The cost of the task on velocities; `None` for a task of inverse dynamics alone.
     fn task(&mut self) -> Option<&mut dyn Task> {
@@ -121,8 +124,8 @@ pub(super) struct OnVelocities<T, const N: usize> {
 }
 
 impl<T: Task + Send + 'static, const N: usize> HeldTask for OnVelocities<T, N> {
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds));
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
         (self.apply)(&mut self.task, values, bounds);
     }
 
@@ -154,8 +157,8 @@ struct OnJoints<T, const N: usize> {
 }
 
 impl<T: JointVelocities + Send + 'static, const N: usize> HeldTask for OnJoints<T, N> {
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds));
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
         match &mut self.task {
             Form::Velocity(task) => (self.apply)(task, values),
             Form::Torque(task) => (self.apply)(task.task_mut(), values),
@@ -179,8 +182,8 @@ pub(super) struct OnAccelerations<T, const N: usize> {
 }
 
 impl<T: AccelerationTask + Send + 'static, const N: usize> HeldTask for OnAccelerations<T, N> {
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds));
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let values = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
         (self.apply)(&mut self.task, values, bounds);
     }
 

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::{
-    Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+    Fades, Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
 use crate::component::{collision_limits::CollisionConfig, frame_limits::FrameLimitConfig};
 use crate::limits::RowLimit;
@@ -102,8 +102,8 @@ struct SoftLimits {
 }
 
 impl HeldTask for SoftLimits {
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        self.cost = self.weight.follow(bounds);
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        self.cost = self.weight.follow(bounds, fades);
     }
 
     fn limits(&mut self) -> Option<(&mut [Box<dyn RowLimit>], f64)> {

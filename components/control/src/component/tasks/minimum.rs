@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::held::{OnAccelerations, on_joints};
 use super::{
-    Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+    Fades, Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationMinimum, ForceRegularisation, TorqueMinimum};
@@ -147,8 +147,8 @@ impl HeldTask for Smooth {
         self.task.set_rest();
     }
 
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        self.task.set_weight(self.weight.follow(bounds));
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        self.task.set_weight(self.weight.follow(bounds, fades));
     }
 
     fn task(&mut self) -> Option<&mut dyn Task> {

@@ -4,6 +4,7 @@
 //! [`HeldTask`]. The controller knows only these two traits.
 
 mod admittance;
+mod axes;
 mod capture_point;
 mod cartesian;
 mod centre_of_mass;
@@ -11,6 +12,7 @@ mod constraint;
 mod contact_wrench;
 mod gaze;
 mod held;
+mod impedance;
 mod limit;
 mod manipulability;
 mod minimum;
@@ -23,10 +25,13 @@ mod rigid_rotation;
 mod rolling;
 mod unicycle;
 
+pub use axes::{AxesConfig, SharesConfig};
 pub(super) use held::{Held, HeldTask, TaskBounds};
+pub use impedance::{CartesianImpedanceConfig, JointImpedanceConfig};
 pub use manipulability::ManipulabilityRows;
 pub use minimum::MinimumOf;
 pub(super) use place::TaskPlace;
+pub(super) use ramp::Fades;
 use ramp::Ramped;
 
 use core::ops::RangeInclusive;
@@ -137,8 +142,10 @@ pub(super) trait TaskKind {
     {
         let name = self.head().name;
         let parameters = self.parameters();
-        let opened =
-            parameters.iter().map(|parameter| setup.parameter(&parameter.key(name)).map(Ramped::new));
+        let opened = parameters.iter().map(|parameter| {
+            let is_weight = parameter.is_weight();
+            setup.parameter(&parameter.key(name)).map(|parameter| Ramped::new(parameter, is_weight))
+        });
         let opened = opened.collect::<Result<Vec<_>, _>>()?;
         let count = opened.len();
         opened
@@ -203,6 +210,11 @@ impl TaskParameter {
     /// The rate at which the error of a task decays.
     fn gain(default: f64) -> Self {
         Self::new("gain", default, GAINS, "1/s", "rate at which the error decays")
+    }
+
+    /// True of a weight, which switches something off at 0.
+    fn is_weight(&self) -> bool {
+        self.name.ends_with("weight")
     }
 
     fn key(&self, task: &str) -> String {

@@ -7,7 +7,10 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::feedback;
-use super::{GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use super::impedance::{Gain, JointImpedanceConfig};
+use super::{
+    Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+};
 use crate::RobotState;
 use crate::component::checks::per_joint;
 use crate::inverse_dynamics::tasks::{AccelerationTask, PostureAcceleration};
@@ -27,6 +30,8 @@ pub struct PostureConfig {
     pub positions: Option<PerJoint>,
     /// Rate at which the error decays, 1/s, 0 to 1000; at most half the tick rate is used. Default 1.
     pub gain: f64,
+    /// Springs and dampers in place of the gain. Default: none.
+    pub impedance: Option<JointImpedanceConfig>,
     /// Cost of a joint velocity error, 1/(rad/s) or 1/(m/s), 0 to 1000. Default 1e-3.
     pub weight: f64,
 }
@@ -34,7 +39,15 @@ pub struct PostureConfig {
 impl Default for PostureConfig {
     fn default() -> Self {
         let PostureSettings { gain, weight } = PostureSettings::default();
-        Self { name: "posture".to_owned(), level: 1, pose: None, positions: None, gain, weight }
+        Self {
+            name: "posture".to_owned(),
+            level: 1,
+            pose: None,
+            positions: None,
+            gain,
+            impedance: None,
+            weight,
+        }
     }
 }
 
@@ -73,20 +86,31 @@ impl PostureConfig {
     }
 }
 
+impl PostureConfig {
+    /// Stiffness and damping of each joint, if it has springs.
+    fn springs(&self, place: &TaskPlace<'_>) -> Result<Option<[Vec<f64>; 2]>, ConfigError> {
+        let gain = || Gain { given: self.gain, default: PostureSettings::default().gain };
+        self.impedance.as_ref().map(|impedance| impedance.build(place, gain())).transpose()
+    }
+}
+
 impl TaskKind for PostureConfig {
     fn head(&self) -> TaskHead<'_> {
         TaskHead::new(&self.name, self.level)
     }
 
     fn parameters(&self) -> Vec<TaskParameter> {
-        vec![
-            TaskParameter::gain(self.gain),
-            TaskParameter::new("weight", self.weight, WEIGHTS, "1/(rad/s)", "cost of a joint velocity error"),
-        ]
+        let weight =
+            TaskParameter::new("weight", self.weight, WEIGHTS, "1/(rad/s)", "cost of a joint velocity error");
+        match self.impedance {
+            None => vec![TaskParameter::gain(self.gain), weight],
+            Some(_) => vec![weight],
+        }
     }
 
     fn declare(&self, place: &TaskPlace<'_>, _: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
+        self.springs(place)?;
         Ok(())
     }
 
@@ -96,9 +120,18 @@ impl TaskKind for PostureConfig {
         setup: &mut Setup,
     ) -> Result<Box<dyn HeldTask>, ConfigureError> {
         let (task, from_start) = self.build(place)?;
-        let [gain, weight] = self.open(setup)?;
         let takes_start = from_start;
         let twin = PostureAcceleration::new(place.model, task.target(), feedback(self.gain));
+        let (twin, gain, weight) = match self.springs(place)? {
+            None => {
+                let [gain, weight] = self.open(setup)?;
+                (twin, Some(gain), weight)
+            }
+            Some([stiffness, damping]) => {
+                let [weight] = self.open(setup)?;
+                (twin.impedance(&stiffness, &damping), None, weight)
+            }
+        };
         Ok(Box::new(Posture {
             acceleration: place.torque.then_some(twin),
             task,
@@ -118,7 +151,8 @@ struct Posture {
     takes_start: bool,
     /// True until the posture is taken from the first joint state.
     from_start: bool,
-    gain: Ramped,
+    /// None with springs.
+    gain: Option<Ramped>,
     weight: Ramped,
 }
 
@@ -138,9 +172,10 @@ impl HeldTask for Posture {
         self.from_start = self.takes_start;
     }
 
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        let gain = self.gain.follow(bounds).min(bounds.max_gain);
-        let weight = self.weight.follow(bounds);
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let gain = self.gain.as_mut().map(|gain| gain.follow(bounds, fades).min(bounds.max_gain));
+        let gain = gain.unwrap_or(self.task.settings().gain);
+        let weight = self.weight.follow(bounds, fades);
         self.task.set_settings(PostureSettings { gain, weight });
         if let Some(twin) = &mut self.acceleration {
             twin.set(feedback(gain), weight);

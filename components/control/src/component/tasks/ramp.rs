@@ -4,26 +4,114 @@ use motorium::prelude::*;
 
 use super::TaskBounds;
 
+/// Difference of two presences that is rounding.
+const SAME: f64 = 1e-9;
+
 /// A parameter of a task: a change of it takes effect within [`TaskBounds::ramp`], evenly, so that a task that is switched on, off or
 /// weighed anew in a running controller moves no joint by a jump.
+///
+/// A weight of 0 switches something off. In a stack of priorities a small weight is as good as a large one, so that a weight that falls
+/// to 0 would end in a jump: it keeps its value instead, while its presence falls from 1 to 0, and the controller mixes the solutions
+/// with and without it by its [`Fades`].
 pub(in crate::component) struct Ramped {
     parameter: Parameter<f64>,
-    change: Change,
+    value: Change,
+    /// Presence of a weight, from 0 to 1; none of another parameter.
+    presence: Option<Change>,
 }
 
 impl Ramped {
-    pub(super) fn new(parameter: Parameter<f64>) -> Self {
+    pub(super) fn new(parameter: Parameter<f64>, is_weight: bool) -> Self {
         let value = parameter.get();
-        Self { parameter, change: Change { value, wanted: value, rate: 0.0 } }
+        let presence = is_weight.then(|| Change::at(presence(value)));
+        Self { parameter, value: Change::at(value), presence }
     }
 
-    /// The value for this step.
-    pub(super) fn follow(&mut self, bounds: &TaskBounds) -> f64 {
-        let wanted = self.parameter.get();
-        if bounds.begins {
-            self.change = Change { value: wanted, wanted, rate: 0.0 };
+    /// The value for this step, and for this part of the mixture.
+    pub(super) fn follow(&mut self, bounds: &TaskBounds, fades: &mut Fades) -> f64 {
+        if fades.begins {
+            self.advance(self.parameter.get(), bounds);
         }
-        self.change.follow(wanted, bounds.dt, bounds.ramp)
+        let Some(present) = self.presence.as_ref().map(|presence| presence.value) else {
+            return self.value.value;
+        };
+        if fades.begins {
+            fades.note(present);
+        }
+        if present > 0.0 && present >= fades.threshold - SAME { self.value.value } else { 0.0 }
+    }
+
+    fn advance(&mut self, wanted: f64, bounds: &TaskBounds) {
+        let &TaskBounds { begins, dt, ramp, .. } = bounds;
+        let absent = self.presence.as_ref().is_some_and(|presence| presence.value == 0.0);
+        if begins {
+            (self.value, self.presence) =
+                (Change::at(wanted), self.presence.as_ref().map(|_| Change::at(presence(wanted))));
+        }
+        match &mut self.presence {
+            Some(present) => {
+                present.follow(presence(wanted), dt, ramp);
+                match wanted {
+                    // it fades as it was
+                    0.0 => self.value = Change::at(self.value.value),
+                    wanted if absent => self.value = Change::at(wanted),
+                    wanted => self.value.follow(wanted, dt, ramp),
+                }
+            }
+            None => self.value.follow(wanted, dt, ramp),
+        }
+    }
+}
+
+fn presence(weight: f64) -> f64 {
+    if weight > 0.0 { 1.0 } else { 0.0 }
+}
+
+/// The mixture of solutions while weights fade: with the presences `1 > a_1 > ... > a_n > 0`, the solution without all that fades by
+/// the share `1 - a_1`, that with what has at least the presence `a_1` by `a_1 - a_2`, and so on, and that with all by `a_n`.
+///
+/// It is continuous in all presences (the Lovasz extension of a function of sets), and as a convex combination it keeps each limit that
+/// all of its solutions keep, and what levels above those that change decide.
+pub(in crate::component) struct Fades {
+    /// Presences, each once, in falling order.
+    presences: Vec<f64>,
+    /// Least presence of a weight that takes part.
+    threshold: f64,
+    /// True while the parameters advance by a step.
+    begins: bool,
+}
+
+impl Fades {
+    /// Room for `most` weights.
+    pub(in crate::component) fn new(most: usize) -> Self {
+        Self { presences: Vec::with_capacity(most), threshold: 0.0, begins: true }
+    }
+
+    /// Starts a step, in which all that has any presence takes part.
+    pub(in crate::component) fn begin(&mut self) {
+        self.presences.clear();
+        (self.threshold, self.begins) = (0.0, true);
+    }
+
+    fn note(&mut self, present: f64) {
+        let known = self.presences.iter().any(|other| (other - present).abs() <= SAME);
+        if present <= 0.0 || present >= 1.0 || known || self.presences.len() == self.presences.capacity() {
+            return;
+        }
+        let place = self.presences.iter().take_while(|other| **other > present).count();
+        self.presences.insert(place, present);
+    }
+
+    /// Number of solutions of the step, 1 if nothing fades. The last one is that with all that has any presence.
+    pub(in crate::component) fn parts(&self) -> usize {
+        self.presences.len() + 1
+    }
+
+    /// Begins a part; its share.
+    pub(in crate::component) fn part(&mut self, part: usize) -> f64 {
+        let above = if part == 0 { 1.0 } else { self.presences[part - 1] };
+        (self.threshold, self.begins) = (above, false);
+        above - self.presences.get(part).copied().unwrap_or(0.0)
     }
 }
 
@@ -36,7 +124,11 @@ struct Change {
 }
 
 impl Change {
-    fn follow(&mut self, wanted: f64, dt: f64, ramp: f64) -> f64 {
+    fn at(value: f64) -> Self {
+        Self { value, wanted: value, rate: 0.0 }
+    }
+
+    fn follow(&mut self, wanted: f64, dt: f64, ramp: f64) {
         if wanted != self.wanted {
             (self.wanted, self.rate) = (wanted, (wanted - self.value).abs() / ramp.max(dt));
         }
@@ -46,7 +138,6 @@ impl Change {
         } else {
             self.value + step.copysign(wanted - self.value)
         };
-        self.value
     }
 }
 
@@ -57,13 +148,15 @@ mod tests {
     #[test]
     fn a_change_takes_the_time_of_the_ramp_whatever_its_size_and_ends_exactly() {
         for (from, to) in [(0.0, 1.0), (1.0, 0.0), (3.0, 700.0)] {
-            let mut change = Change { value: from, wanted: from, rate: 0.0 };
+            let mut change = Change::at(from);
             let share = |value: f64| (value - from) / (to - from);
             for step in 1..=100 {
-                let value = change.follow(to, 1e-3, 0.1);
+                change.follow(to, 1e-3, 0.1);
+                let value = change.value;
                 assert!((share(value) - f64::from(step) / 100.0).abs() < 1e-9, "step {step}: {value}");
             }
-            assert_eq!(change.follow(to, 1e-3, 0.1), to);
+            change.follow(to, 1e-3, 0.1);
+            assert_eq!(change.value, to);
             // turned back half-way, the way back takes the ramp, too
             for _ in 0..50 {
                 change.follow(from, 1e-3, 0.1);
@@ -76,7 +169,44 @@ mod tests {
 
     #[test]
     fn without_a_ramp_a_change_takes_effect_at_once() {
-        let mut change = Change { value: 1.0, wanted: 1.0, rate: 0.0 };
-        assert_eq!(change.follow(5.0, 1e-3, 0.0), 5.0);
+        let mut change = Change::at(1.0);
+        change.follow(5.0, 1e-3, 0.0);
+        assert_eq!(change.value, 5.0);
+    }
+
+    /// The mixture of a function of the set of weights that take part.
+    fn mixed(presences: &[f64], of: impl Fn(&[bool]) -> f64) -> f64 {
+        let mut fades = Fades::new(presences.len());
+        fades.begin();
+        presences.iter().for_each(|present| fades.note(*present));
+        (0..fades.parts())
+            .map(|part| {
+                let share = fades.part(part);
+                let set: Vec<bool> = presences
+                    .iter()
+                    .map(|present| *present > 0.0 && *present >= fades.threshold - SAME)
+                    .collect();
+                share * of(&set)
+            })
+            .sum()
+    }
+
+    #[test]
+    fn a_mixture_is_a_function_of_all_presences_without_a_jump() {
+        // a set function without any structure
+        let of = |set: &[bool]| {
+            let number = set.iter().enumerate().map(|(place, is)| usize::from(*is) << place).sum::<usize>();
+            ((number * 2_654_435_761) % 97) as f64
+        };
+        assert_eq!(mixed(&[1.0, 0.0, 1.0], of), of(&[true, false, true]));
+        let half = mixed(&[1.0, 0.5, 0.0], of);
+        assert!((half - 0.5 * (of(&[true, true, false]) + of(&[true, false, false]))).abs() < 1e-12);
+        let mut before = mixed(&[1.0, 0.0, 0.7], of);
+        for step in 1..=10_000 {
+            let time = f64::from(step) * 1e-4;
+            let now = mixed(&[1.0 - time, time, (0.7 - 2.0 * time).abs().min(1.0)], of);
+            assert!((now - before).abs() < 97.0 * 4.0 * 1e-4, "{time}: {before} {now}");
+            before = now;
+        }
     }
 }

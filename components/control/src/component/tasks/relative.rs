@@ -8,7 +8,8 @@ use serde::Deserialize;
 
 use super::held::Form;
 use super::{
-    GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS, feedback,
+    Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+    feedback,
 };
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationTask, RelativeAcceleration};
@@ -173,9 +174,9 @@ impl HeldTask for Relative {
         (self.target, self.refused, self.error) = (None, 0, None);
     }
 
-    fn prepare(&mut self, bounds: &TaskBounds) {
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
         let [gain, position_weight, orientation_weight] =
-            self.parameters.each_mut().map(|parameter| parameter.follow(bounds));
+            self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
         let gain = gain.min(bounds.max_gain);
         match &mut self.task {
             Form::Velocity(task) => {
@@ -183,6 +184,9 @@ impl HeldTask for Relative {
             }
             Form::Torque(task) => task.set(feedback(gain), position_weight, orientation_weight),
         }
+    }
+
+    fn prepare(&mut self, _: &TaskBounds) {
         let Some(target) = self.input.latest() else { return };
         let [x, y, z, w] = target.orientation;
         // half the length of a unit quaternion is no rounding error: such a target is refused

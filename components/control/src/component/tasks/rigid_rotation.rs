@@ -7,7 +7,8 @@ use serde::Deserialize;
 
 use super::held::Form;
 use super::{
-    GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS, feedback,
+    Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+    feedback,
 };
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationTask, RigidRotationAcceleration};
@@ -125,21 +126,22 @@ impl HeldTask for RigidRotation {
         self.error = 0.0;
     }
 
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds));
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let [gain, weight] = self.parameters.each_mut().map(|parameter| parameter.follow(bounds, fades));
         let gain = gain.min(bounds.max_gain);
+        match &mut self.task {
+            Form::Velocity(task) => task.set(gain, weight),
+            Form::Torque(task) => task.set(feedback(gain), weight),
+        }
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
         let fresh = self.input.latest().filter(|target| target.age_ns() <= bounds.target_timeout_ns);
         let [x, y, yaw] =
             fresh.map_or([0.0; 3], |target| [target.linear[0], target.linear[1], target.angular[2]]);
         match &mut self.task {
-            Form::Velocity(task) => {
-                task.set(gain, weight);
-                task.set_twist(x, y, yaw);
-            }
-            Form::Torque(task) => {
-                task.set(feedback(gain), weight);
-                task.set_twist(x, y, yaw);
-            }
+            Form::Velocity(task) => task.set_twist(x, y, yaw),
+            Form::Torque(task) => task.set_twist(x, y, yaw),
         }
     }
 

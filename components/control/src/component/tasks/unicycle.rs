@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::held::Form;
-use super::{HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use super::{Fades, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
 use crate::inverse_dynamics::tasks::{AccelerationTask, UnicycleAcceleration};
 use crate::tasks::{Task, UnicycleSettings, UnicycleTask};
 
@@ -127,17 +127,34 @@ struct Unicycle {
     weights: [Ramped; 3],
 }
 
-impl HeldTask for Unicycle {
-    fn prepare(&mut self, bounds: &TaskBounds) {
-        let [forward_weight, sideways_weight, yaw_weight] =
-            self.weights.each_mut().map(|parameter| parameter.follow(bounds));
-        let fresh = self.input.latest().filter(|target| target.age_ns() <= bounds.target_timeout_ns);
-        let (forward, yaw_rate) = fresh.map_or((0.0, 0.0), |target| (target.linear[0], target.angular[2]));
-        let settings = UnicycleSettings { forward, yaw_rate, forward_weight, sideways_weight, yaw_weight };
+impl Unicycle {
+    fn settings(&self) -> UnicycleSettings {
+        match &self.task {
+            Form::Velocity(task) => *task.settings(),
+            Form::Torque(task) => *task.settings(),
+        }
+    }
+
+    fn set(&mut self, settings: UnicycleSettings) {
         match &mut self.task {
             Form::Velocity(task) => task.set_settings(settings),
             Form::Torque(task) => task.set_settings(settings),
         }
+    }
+}
+
+impl HeldTask for Unicycle {
+    fn weigh(&mut self, bounds: &TaskBounds, fades: &mut Fades) {
+        let [forward_weight, sideways_weight, yaw_weight] =
+            self.weights.each_mut().map(|parameter| parameter.follow(bounds, fades));
+        let settings = UnicycleSettings { forward_weight, sideways_weight, yaw_weight, ..self.settings() };
+        self.set(settings);
+    }
+
+    fn prepare(&mut self, bounds: &TaskBounds) {
+        let fresh = self.input.latest().filter(|target| target.age_ns() <= bounds.target_timeout_ns);
+        let (forward, yaw_rate) = fresh.map_or((0.0, 0.0), |target| (target.linear[0], target.angular[2]));
+        self.set(UnicycleSettings { forward, yaw_rate, ..self.settings() });
     }
 
     fn task(&mut self) -> Option<&mut dyn Task> {

@@ -2,6 +2,7 @@
 
 mod config;
 mod diagnostics;
+mod solve;
 
 pub use config::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig, WrenchConfig};
 
@@ -14,17 +15,13 @@ use super::config::QpControllerConfig;
 use super::diagnostics_output::{DiagnosticsOutput, push_name};
 use super::objects::MovingObjects;
 use super::setup::{ControllerSetup, RowLimits};
-use super::tasks::{Held, TaskBounds};
+use super::tasks::{Fades, Held, TaskBounds};
 use super::{period_ns, results};
 use crate::inverse_dynamics::{
-    Conflicting, DynamicsRows, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings,
-    JointAccelerationLimits, MotionState,
+    Conflicting, DynamicsRows, InverseDynamics, InverseDynamicsSettings, JointAccelerationLimits,
 };
 use crate::{JointSetpoint, RobotState};
 use diagnostics::Diagnostics;
-
-/// Time constant with which the integrated accelerations return to the measured motion, s.
-const LEAK: f64 = 0.2;
 
 /// Normal force at each point of a contact up to which it is loaded, as a multiple of the robot's weight.
 const LOADED: f64 = 2.0;
@@ -42,6 +39,7 @@ pub(super) struct TorqueController {
     v: Vec<f64>,
     /// In the order of the configuration.
     tasks: Vec<Held>,
+    fades: Fades,
     control: InverseDynamics,
     contacts: Vec<ContactSwitch>,
     limits: RowLimits,
@@ -120,6 +118,7 @@ impl TorqueController {
         let contacts = table.contacts(&parts.model, parts.profile.as_ref())?;
         let settings: InverseDynamicsSettings = table.settings(config)?;
         let objects = MovingObjects::configure(config, &parts, setup)?;
+        let (damping, fades) = (parts.level_damping(config)?, Fades::new(parts.parameter_count()));
         let ControllerSetup { model, gains, .. } = parts;
         let weight = model.mass() * settings.gravity.norm();
         let switches = contacts
@@ -130,7 +129,9 @@ impl TorqueController {
                 Ok(ContactSwitch { parameter, load: 1.0, max_force, ramped: max_force.min(LOADED * weight) })
             })
             .collect::<Result<Vec<_>, ConfigureError>>()?;
-        let control = InverseDynamics::with_room(&model, contacts, settings, room).levels(&rows);
+        let control = InverseDynamics::with_room(&model, contacts, settings, room)
+            .levels(&rows)
+            .level_damping(&damping);
         let floating = model.base().floating;
         Ok(Self {
             joint_state: setup.input("joint_state")?,
@@ -142,6 +143,7 @@ impl TorqueController {
             v: vec![0.0; model.nv()],
             diagnostics: Diagnostics::new(tasks.len()),
             tasks,
+            fades,
             joints: control.settings().joints,
             control,
             contacts: switches,
@@ -184,8 +186,8 @@ impl TorqueController {
             self.begin();
         }
         let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
-        self.prepare(dt, unbroken.is_none())?;
-        let solved = self.solve(dt);
+        let bounds = self.prepare(dt, unbroken.is_none())?;
+        let solved = self.solve(&bounds);
         let measured = RobotState { model: &self.model, kinematics: &self.kinematics, q: &self.q };
         for held in &mut self.tasks {
             held.task.record(&measured, dt);
@@ -248,10 +250,12 @@ impl TorqueController {
     }
 
     /// Applies the current parameters, targets and obstacles.
-    fn prepare(&mut self, dt: f64, begins: bool) -> Result<(), StepError> {
+    fn prepare(&mut self, dt: f64, begins: bool) -> Result<TaskBounds, StepError> {
         let (ramp, target_timeout_ns) = (self.task_ramp, self.target_timeout_ns);
         let bounds = TaskBounds { begins, ramp, dt, max_gain: 0.5 / dt, target_timeout_ns };
+        self.fades.begin();
         for held in &mut self.tasks {
+            held.task.weigh(&bounds, &mut self.fades);
             held.task.prepare(&bounds);
         }
         self.joints.velocity_fraction = self.velocity_fraction.get().max(1e-6);
@@ -265,70 +269,8 @@ impl TorqueController {
             self.control.set_max_force(index, most);
         }
         let limits = &mut self.limits.rows;
-        self.objects.update(|visit| limits.iter_mut().for_each(|limit| visit(limit.as_mut())))
-    }
-
-    /// Computes torques and moves the reference by one tick. False without a solution.
-    fn solve(&mut self, dt: f64) -> bool {
-        let state = MotionState { model: &self.model, kinematics: &self.kinematics, q: &self.q, v: &self.v };
-        self.control.begin(&state, dt);
-        for held in &mut self.tasks {
-            let constraint = held.task.is_constraint();
-            match held.task.acceleration() {
-                Some(task) if constraint => self.control.constrain(&state, task),
-                Some(task) => self.control.add_task(&state, held.level, task),
-                None => {}
-            }
-        }
-        for limit in &mut self.limits.rows {
-            self.control.add_row_limit(&state, limit.as_mut(), dt);
-        }
-        if let Some(support) = &mut self.limits.support {
-            if support.follows {
-                support.follow(|visit| self.control.visit_support(&state, visit));
-            }
-            self.control.add_row_limit(&state, &mut support.limit, dt);
-        }
-        self.limits.observe();
-        self.output.begin_solve();
-        let solved = self.control.solve();
-        self.output.end_solve();
-        self.conflict = None;
-        let solution = match solved {
-            Ok(solution) => solution,
-            Err(error) => {
-                let conflict = match error {
-                    InverseDynamicsError::Infeasible(conflict) => Some(conflict),
-                    _ => None,
-                };
-                self.diagnostics.failed(conflict);
-                self.conflict = conflict;
-                if !std::mem::replace(&mut self.failing, true) {
-                    self.reference.reset(self.model.joints_of_q(&self.q));
-                }
-                self.reference_velocity.fill(0.0);
-                return false;
-            }
-        };
-        self.failing = false;
-        self.torque.copy_from_slice(solution.torque.as_slice());
-        self.began_for += dt;
-        self.diagnostics.solved(&self.control, &mut self.tasks);
-        if self.began_for <= self.stiff_start {
-            self.reference_velocity.copy_from_slice(self.model.joints_of_v(&self.v));
-            return true;
-        }
-        let solution = self.control.solution();
-        let (measured, leak) = (self.model.joints_of_v(&self.v), dt / LEAK.max(dt));
-        let accelerations = self.model.joints_of_v(solution.acceleration.as_slice());
-        let limits = self.model.velocity_limit();
-        let references = self.reference_velocity.iter_mut().zip(limits);
-        for (((reference, limit), measured), a) in references.zip(measured).zip(accelerations) {
-            *reference = (*reference + a * dt + leak * (measured - *reference)).clamp(-limit, *limit);
-        }
-        self.reference.integrate(&self.reference_velocity, dt);
-        self.reference.limit_tracking_error(self.model.joints_of_q(&self.q), self.max_lead);
-        true
+        self.objects.update(|visit| limits.iter_mut().for_each(|limit| visit(limit.as_mut())))?;
+        Ok(bounds)
     }
 
     fn publish_diagnostics(&mut self, solved: bool) -> Result<(), StepError> {

@@ -1,10 +1,12 @@
 //! A frame follows a pose, by its acceleration.
 
 use motorium_robots::{FrameId, Model, Reference, Twist};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Vector3};
 
+use super::impedance::{CartesianImpedance, Mobility};
 use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
+use crate::tasks::AxisShares;
 
 /// Weights and largest speeds of a [`CartesianAcceleration`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,12 +19,14 @@ pub struct CartesianWeights {
     pub max_linear_speed: f64,
     /// Largest angular speed at which an error is corrected \[rad/s\]. Default infinite.
     pub max_angular_speed: f64,
+    /// Factors of the weights by axis. Default: none, the whole pose counts.
+    pub shares: Option<AxisShares>,
 }
 
 impl Default for CartesianWeights {
     fn default() -> Self {
         let (max_linear_speed, max_angular_speed) = (f64::INFINITY, f64::INFINITY);
-        Self { position: 1.0, orientation: 0.5, max_linear_speed, max_angular_speed }
+        Self { position: 1.0, orientation: 0.5, max_linear_speed, max_angular_speed, shares: None }
     }
 }
 
@@ -39,10 +43,21 @@ impl Default for CartesianWeights {
 ///
 /// (OpenSoT's and TSID's task). For the error near zero the closed loop is `e'' = -kd e' - kp e`. `kp e` is cut where it would
 /// correct the error faster than the largest speeds.
+///
+/// With [`shares`](CartesianWeights::shares) the error, without what is free, stands in their axes, which may turn with the angular
+/// velocity `u`. With the error `p` of the position in the axes of the world, its rate `p'`, and `S` and `R` of [`AxisShares`],
+///
+/// ```text
+/// A_p = S R'(J_v - [p]x J_w)                      the term of p for the axes of the frame alone
+/// b_p = S (R'(v*' - J_v' v - u' x p - 2 u x p' + u x (u x p)) + kd R'(p' - u x p) + kp e_p)
+/// A_o, b_o: as above, by S R'
+/// ```
 #[derive(Clone, Debug)]
 pub struct CartesianAcceleration {
     frame: FrameId,
     feedback: Feedback,
+    impedance: Option<CartesianImpedance>,
+    mobility: Mobility,
     weights: CartesianWeights,
     target: Isometry3<f64>,
     velocity: Twist,
@@ -57,6 +72,8 @@ impl CartesianAcceleration {
         Self {
             frame,
             feedback,
+            impedance: None,
+            mobility: Mobility::new(model),
             weights: CartesianWeights::default(),
             target: Isometry3::identity(),
             velocity: Twist::zero(),
@@ -71,6 +88,37 @@ impl CartesianAcceleration {
     pub fn with(mut self, weights: CartesianWeights) -> Self {
         self.weights = weights;
         self
+    }
+
+    /// The same task with a spring and a damper in place of the feedback.
+    #[must_use]
+    pub fn impedance(mut self, impedance: CartesianImpedance) -> Self {
+        self.set_impedance(impedance);
+        self
+    }
+
+    /// Changes the spring and the damper from the next update on; they take the place of the feedback.
+    pub fn set_impedance(&mut self, impedance: CartesianImpedance) {
+        self.impedance = Some(impedance);
+    }
+
+    /// The acceleration towards the target of an error and its rate, in axes that `to_world` turns to those of the world, while the cost
+    /// holds the Jacobian of the frame.
+    fn response(
+        &mut self,
+        dynamics: &InverseDynamics,
+        (error, turn): (&Vector3<f64>, &Vector3<f64>),
+        (rate, turn_rate): (&Vector3<f64>, &Vector3<f64>),
+        to_world: &Matrix3<f64>,
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let CartesianWeights { max_linear_speed, max_angular_speed, .. } = self.weights;
+        let [place, rotation] = self.impedance.map_or([self.feedback; 2], |impedance| impedance.feedback());
+        let linear = to_world * place.acceleration(error, rate, max_linear_speed);
+        let angular = to_world * rotation.acceleration(turn, turn_rate, max_angular_speed);
+        match self.impedance {
+            None => (linear, angular),
+            Some(_) => self.mobility.of_frame(dynamics, self.cost.matrix(), &linear, &angular),
+        }
     }
 
     /// Changes feedback and weights from the next update on.
@@ -109,35 +157,70 @@ impl CartesianAcceleration {
     }
 }
 
+impl CartesianAcceleration {
+    /// Error, `A` and `b` of the directions that have a share, where the cost holds the Jacobian of the frame.
+    fn update_axes(
+        &mut self,
+        dynamics: &InverseDynamics,
+        pose: &Isometry3<f64>,
+        (moving, drift): (&Twist, &Twist),
+        shares: &AxisShares,
+    ) {
+        self.error = shares.error(pose, &self.target);
+        let from_world = shares.world_to_axes(pose, &self.target);
+        let place = self.target.translation.vector - pose.translation.vector;
+        let rate = self.velocity.linear - moving.linear;
+        let spin = shares.turning(moving.angular, self.velocity.angular);
+        let spin_rate = shares.turning(drift.angular, self.acceleration.angular);
+        let linear =
+            self.acceleration.linear - drift.linear - spin_rate.cross(&place) - spin.cross(&rate) * 2.0
+                + spin.cross(&spin.cross(&place));
+        let angular = self.acceleration.angular - drift.angular;
+        let seen_rate = from_world * (rate - spin.cross(&place));
+        let turn_rate = from_world * (self.velocity.angular - moving.angular);
+        let (error, turn) = self.error;
+        let (towards, turning) =
+            self.response(dynamics, (&error, &turn), (&seen_rate, &turn_rate), &from_world.transpose());
+        let (linear, angular) = (from_world * (linear + towards), from_world * (angular + turning));
+        self.cost.desired_mut().copy_from(&shares.weigh(&linear, &angular));
+        let follow_frame = shares.follow_frame();
+        for mut column in self.cost.matrix_mut().column_iter_mut() {
+            let (mut v, w) = (column.fixed_rows::<3>(0).into_owned(), column.fixed_rows::<3>(3).into_owned());
+            if follow_frame {
+                v -= place.cross(&w);
+            }
+            column.copy_from(&shares.weigh(&(from_world * v), &(from_world * w)));
+        }
+        self.cost.weights_mut().component_mul_assign(&shares.rows());
+    }
+}
+
 impl AccelerationTask for CartesianAcceleration {
-    fn update(&mut self, state: &MotionState<'_>, _: &InverseDynamics) {
+    fn update(&mut self, state: &MotionState<'_>, dynamics: &InverseDynamics) {
         let MotionState { model, kinematics, .. } = *state;
         let pose = kinematics.pose(model, self.frame);
         let moving = kinematics.velocity(model, self.frame);
         let drift = kinematics.acceleration(model, self.frame);
-        let position = self.target.translation.vector - pose.translation.vector;
-        let turn = (self.target.rotation * pose.rotation.inverse()).scaled_axis();
-        self.error = (position, turn);
-        let weights = &self.weights;
-        let linear = self.feedback.acceleration(
-            &position,
-            &(self.velocity.linear - moving.linear),
-            weights.max_linear_speed,
-        ) + self.acceleration.linear
-            - drift.linear;
-        let angular = self.feedback.acceleration(
-            &turn,
-            &(self.velocity.angular - moving.angular),
-            weights.max_angular_speed,
-        ) + self.acceleration.angular
-            - drift.angular;
-        let desired = self.cost.desired_mut();
-        desired.fixed_rows_mut::<3>(0).copy_from(&linear);
-        desired.fixed_rows_mut::<3>(3).copy_from(&angular);
+        let weights = self.weights;
         let (position, orientation) = (weights.position, weights.orientation);
         self.cost.weights_mut().fixed_rows_mut::<3>(0).fill(position);
         self.cost.weights_mut().fixed_rows_mut::<3>(3).fill(orientation);
         kinematics.jacobian(model, self.frame, Reference::LocalWorldAligned, self.cost.matrix_mut());
+        if let Some(shares) = &weights.shares {
+            self.update_axes(dynamics, &pose, (&moving, &drift), shares);
+            return;
+        }
+        let position = self.target.translation.vector - pose.translation.vector;
+        let turn = (self.target.rotation * pose.rotation.inverse()).scaled_axis();
+        self.error = (position, turn);
+        let rates = (self.velocity.linear - moving.linear, self.velocity.angular - moving.angular);
+        let errors = (&position, &turn);
+        let (linear, angular) = self.response(dynamics, errors, (&rates.0, &rates.1), &Matrix3::identity());
+        let linear = linear + self.acceleration.linear - drift.linear;
+        let angular = angular + self.acceleration.angular - drift.angular;
+        let desired = self.cost.desired_mut();
+        desired.fixed_rows_mut::<3>(0).copy_from(&linear);
+        desired.fixed_rows_mut::<3>(3).copy_from(&angular);
     }
 
     fn cost(&self) -> &Cost {

@@ -3,6 +3,7 @@
 use motorium_robots::Model;
 use nalgebra::DVector;
 
+use super::impedance::Mobility;
 use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
 
@@ -14,10 +15,16 @@ use crate::inverse_dynamics::{InverseDynamics, MotionState};
 /// W = weight diag(shares)
 /// ```
 ///
-/// A floating base is left alone; [`CartesianAcceleration`](super::CartesianAcceleration) of its frame leads it.
+/// With an [impedance](Self::impedance) the joints are drawn by springs and dampers in place of rates, and accelerate as the efforts of
+/// these make a robot without its contacts: `M^-1 (K (q* - q) + D (q*' - q'))` in place of `kp (q* - q) + kd (q*' - q')`. A floating
+/// base is left alone; [`CartesianAcceleration`](super::CartesianAcceleration) of its frame leads it.
 #[derive(Clone, Debug)]
 pub struct PostureAcceleration {
     feedback: Feedback,
+    /// Stiffness and damping of each joint.
+    impedance: Option<(DVector<f64>, DVector<f64>)>,
+    efforts: DVector<f64>,
+    mobility: Mobility,
     weight: f64,
     target: DVector<f64>,
     velocity: DVector<f64>,
@@ -37,6 +44,9 @@ impl PostureAcceleration {
         assert_eq!(target.len(), joints, "length of the posture");
         Self {
             feedback,
+            impedance: None,
+            efforts: DVector::zeros(joints),
+            mobility: Mobility::new(model),
             weight: 1.0,
             target: DVector::from_column_slice(target),
             velocity: DVector::zeros(joints),
@@ -51,6 +61,18 @@ impl PostureAcceleration {
     #[must_use]
     pub fn weight(mut self, weight: f64) -> Self {
         self.weight = weight;
+        self
+    }
+
+    /// The same task with springs and dampers in place of the feedback: a stiffness \[N m/rad or N/m\] and a damping
+    /// \[N m s/rad or N s/m\] for each independent joint.
+    ///
+    /// # Panics
+    /// If one of them has not one entry per independent joint.
+    #[must_use]
+    pub fn impedance(mut self, stiffness: &[f64], damping: &[f64]) -> Self {
+        assert_eq!([stiffness.len(), damping.len()], [self.error.len(); 2], "length of the impedance");
+        self.impedance = Some((DVector::from_column_slice(stiffness), DVector::from_column_slice(damping)));
         self
     }
 
@@ -94,7 +116,7 @@ impl PostureAcceleration {
 }
 
 impl AccelerationTask for PostureAcceleration {
-    fn update(&mut self, state: &MotionState<'_>, _: &InverseDynamics) {
+    fn update(&mut self, state: &MotionState<'_>, dynamics: &InverseDynamics) {
         let (q, v) = (state.model.joints_of_q(state.q), state.model.joints_of_v(state.v));
         let Feedback { kp, kd } = self.feedback;
         for joint in 0..q.len() {
@@ -102,6 +124,17 @@ impl AccelerationTask for PostureAcceleration {
             self.cost.desired_mut()[joint] =
                 self.acceleration[joint] + kd * (self.velocity[joint] - v[joint]) + kp * self.error[joint];
             self.cost.weights_mut()[joint] = self.weight * self.shares[joint];
+        }
+        let Some((stiffness, damping)) = &self.impedance else { return };
+        for joint in 0..q.len() {
+            self.efforts[joint] =
+                stiffness[joint] * self.error[joint] + damping[joint] * (self.velocity[joint] - v[joint]);
+        }
+        let moving = self.mobility.of_joints(dynamics, &self.efforts);
+        for ((desired, moving), ahead) in
+            self.cost.desired_mut().iter_mut().zip(moving).zip(&self.acceleration)
+        {
+            *desired = ahead + moving;
         }
     }
 

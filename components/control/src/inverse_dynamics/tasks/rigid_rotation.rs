@@ -1,11 +1,11 @@
 //! A steered wheel points along the way of its base, by its acceleration.
 
-use motorium_robots::{FrameId, Model, Reference};
-use nalgebra::{Matrix6xX, Unit, Vector3};
+use motorium_robots::{FrameId, Model};
+use nalgebra::{Unit, Vector3};
 
 use super::{AccelerationTask, Cost, Feedback};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
-use crate::tasks::steering_error;
+use crate::tasks::SteeredWheel;
 
 /// A steered wheel turns until it rolls along the velocity that its centre has where the base moves as one rigid body.
 ///
@@ -34,16 +34,9 @@ use crate::tasks::steering_error;
 /// ```
 #[derive(Clone, Debug)]
 pub struct RigidRotationAcceleration {
-    wheel: FrameId,
-    base: FrameId,
-    axis: Unit<Vector3<f64>>,
-    normal: Unit<Vector3<f64>>,
+    steering: SteeredWheel,
     feedback: Feedback,
     weight: f64,
-    /// Velocity of the base in its own axes: along x, along y, about z.
-    twist: [f64; 3],
-    error: f64,
-    jacobian: Matrix6xX<f64>,
     cost: Cost,
 }
 
@@ -57,24 +50,14 @@ impl RigidRotationAcceleration {
         axis: Unit<Vector3<f64>>,
         feedback: Feedback,
     ) -> Self {
-        Self {
-            wheel,
-            base,
-            axis,
-            normal: Vector3::z_axis(),
-            feedback,
-            weight: 1.0,
-            twist: [0.0; 3],
-            error: 0.0,
-            jacobian: Matrix6xX::zeros(model.nv()),
-            cost: Cost::dense(1, 0, model.nv()),
-        }
+        let steering = SteeredWheel::new(model, wheel, base, axis);
+        Self { steering, feedback, weight: 1.0, cost: Cost::dense(1, 0, model.nv()) }
     }
 
     /// The same task on ground with another normal, world axes.
     #[must_use]
     pub fn on(mut self, normal: Unit<Vector3<f64>>) -> Self {
-        self.normal = normal;
+        self.steering.set_normal(normal);
         self
     }
 
@@ -85,31 +68,24 @@ impl RigidRotationAcceleration {
 
     /// Sets the velocity of the base in its own axes: along x and y \[m/s\], and about z \[rad/s\].
     pub fn set_twist(&mut self, x: f64, y: f64, yaw: f64) {
-        self.twist = [x, y, yaw];
+        self.steering.set_twist([x, y, yaw]);
     }
 
     /// `e` at the last update \[rad\], from -pi/2 to pi/2; 0 for a wheel that is asked for nothing.
     pub fn error(&self) -> f64 {
-        self.error
+        self.steering.error()
     }
 }
 
 impl AccelerationTask for RigidRotationAcceleration {
     fn update(&mut self, state: &MotionState<'_>, _: &InverseDynamics) {
         let MotionState { model, kinematics, .. } = *state;
-        let [wheel, base] = [self.wheel, self.base].map(|frame| kinematics.pose(model, frame));
-        let error = steering_error(&wheel, &base, &self.axis, &self.normal, self.twist);
-        self.error = error.unwrap_or(0.0);
-        let normal = self.normal.into_inner();
-        let rate = normal.dot(&kinematics.velocity(model, self.wheel).angular);
-        let drift = normal.dot(&kinematics.acceleration(model, self.wheel).angular);
+        let steers = self.steering.steer(model, kinematics, &mut self.cost);
+        let (rate, drift) = self.steering.turning(model, kinematics);
         let Feedback { kp, kd } = self.feedback;
-        self.cost.desired_mut()[0] = kp * self.error + kd * (self.twist[2] - rate) - drift;
-        self.cost.weights_mut()[0] = if error.is_some() { self.weight } else { 0.0 };
-        kinematics.jacobian(model, self.wheel, Reference::LocalWorldAligned, &mut self.jacobian);
-        for (mut row, frame) in self.cost.matrix_mut().column_iter_mut().zip(self.jacobian.column_iter()) {
-            row[0] = normal.dot(&frame.fixed_rows::<3>(3));
-        }
+        let damped = kd * (self.steering.yaw_rate() - rate);
+        self.cost.desired_mut()[0] = kp * self.steering.error() + damped - drift;
+        self.cost.weights_mut()[0] = if steers { self.weight } else { 0.0 };
     }
 
     fn cost(&self) -> &Cost {

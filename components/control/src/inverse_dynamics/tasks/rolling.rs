@@ -1,11 +1,11 @@
 //! A wheel rolls without slipping, by its acceleration.
 
-use motorium_robots::{FrameId, Model, Reference};
-use nalgebra::{Matrix6xX, Unit, Vector3};
+use motorium_robots::{FrameId, Model};
+use nalgebra::{Unit, Vector3};
 
 use super::{AccelerationTask, Cost};
 use crate::inverse_dynamics::{InverseDynamics, MotionState};
-use crate::tasks::way_to_ground;
+use crate::tasks::RollingWheel;
 
 /// The point of a wheel that touches the ground comes to rest, and stays at rest: the wheel rolls, and does not slip or slide.
 ///
@@ -37,13 +37,9 @@ use crate::tasks::way_to_ground;
 /// ```
 #[derive(Clone, Debug)]
 pub struct RollingAcceleration {
-    frame: FrameId,
-    axis: Unit<Vector3<f64>>,
-    radius: f64,
-    normal: Unit<Vector3<f64>>,
+    wheel: RollingWheel,
     rate: f64,
     weight: f64,
-    jacobian: Matrix6xX<f64>,
     cost: Cost,
 }
 
@@ -51,22 +47,14 @@ impl RollingAcceleration {
     /// A task for the wheel whose centre is the origin of `frame`, with its axis in the axes of the frame and its radius \[m\], on
     /// level ground, with weight 1; what slips comes to rest at `rate` \[1/s\].
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>, radius: f64, rate: f64) -> Self {
-        Self {
-            frame,
-            axis,
-            radius,
-            normal: Vector3::z_axis(),
-            rate,
-            weight: 1.0,
-            jacobian: Matrix6xX::zeros(model.nv()),
-            cost: Cost::dense(3, 0, model.nv()),
-        }
+        let wheel = RollingWheel::new(model, frame, axis, radius);
+        Self { wheel, rate, weight: 1.0, cost: Cost::dense(3, 0, model.nv()) }
     }
 
     /// The same task on ground with another normal, world axes.
     #[must_use]
     pub fn on(mut self, normal: Unit<Vector3<f64>>) -> Self {
-        self.normal = normal;
+        self.wheel.set_normal(normal);
         self
     }
 
@@ -86,26 +74,14 @@ impl RollingAcceleration {
 impl AccelerationTask for RollingAcceleration {
     fn update(&mut self, state: &MotionState<'_>, _: &InverseDynamics) {
         let MotionState { model, kinematics, .. } = *state;
-        let axis = kinematics.pose(model, self.frame).rotation * self.axis.into_inner();
-        let Some((up, length)) = way_to_ground(&axis, &self.normal) else {
+        let Some(contact) = self.wheel.contact(model, kinematics) else {
             self.cost.weights_mut().fill(0.0);
             return;
         };
-        let moving = kinematics.velocity(model, self.frame);
-        let drift = kinematics.acceleration(model, self.frame);
-        let contact = -up * self.radius;
-        let turning = moving.angular.cross(&axis);
-        let across = -turning * axis.dot(&self.normal) - axis * turning.dot(&self.normal);
-        let contact_rate = -(across - up * up.dot(&across)) * (self.radius / length);
-        let slip = moving.linear + moving.angular.cross(&contact);
-        let drift = drift.linear + drift.angular.cross(&contact) + moving.angular.cross(&contact_rate);
+        let (slip, drift) = self.wheel.slip(model, kinematics, &contact);
         self.cost.desired_mut().copy_from(&(-slip * self.rate - drift));
         self.cost.weights_mut().fill(self.weight);
-        kinematics.jacobian(model, self.frame, Reference::LocalWorldAligned, &mut self.jacobian);
-        for (mut row, frame) in self.cost.matrix_mut().column_iter_mut().zip(self.jacobian.column_iter()) {
-            let (linear, angular) = (frame.fixed_rows::<3>(0), frame.fixed_rows::<3>(3));
-            row.copy_from(&(linear + angular.cross(&contact)));
-        }
+        self.wheel.write_jacobian(model, kinematics, &contact.way, &mut self.cost);
     }
 
     fn cost(&self) -> &Cost {

@@ -3,7 +3,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::constraints::Violated;
-use super::kernels::{Arithmetic, Fused, Separate, add_scaled, largest};
+use super::kernels::{Arithmetic, Fused, Separate, largest};
 use super::rounds::Next;
 use super::working_set::{Member, NO_RATE};
 use super::{ActiveSetSettings, Work};
@@ -19,10 +19,6 @@ const NOISE: f64 = 1e-9;
 const UNSURE: f64 = 1e-6;
 /// Violation, as a share of one and of the value, that may be rounding where the multipliers say so.
 const TIE: f64 = 1e-8;
-/// Largest number of refinements of a candidate.
-const REFINEMENTS: usize = 4;
-/// Share of the solution up to which a correction is the last.
-const CONVERGED: f64 = 1e-7;
 
 /// One solve.
 pub(super) struct Run<'a> {
@@ -227,7 +223,8 @@ impl Run<'_> {
                 violated = self.violated::<F>(by_number);
             }
             let Some(violated) = violated else {
-                return if self.is_feasible() { Ok(()) } else { Err(SolveError::Numerical { iterations }) };
+                let found = self.is_feasible() && (self.work.settled || self.is_stationary::<F>());
+                return if found { Ok(()) } else { Err(SolveError::Numerical { iterations }) };
             };
             if at_limit {
                 return Err(SolveError::MaxIterations { iterations });
@@ -340,40 +337,6 @@ impl Run<'_> {
         work.working.remove::<F>(which);
         for constraint in work.implied.drain(..) {
             work.is_member[constraint] = false;
-        }
-    }
-
-    /// Corrects the minimum and the multipliers by their residuals in the numbers of the problem.
-    #[inline(always)]
-    fn refine<F: Arithmetic>(&mut self) {
-        let n = self.problem.gradient.len();
-        let hessian = self.problem.hessian.as_slice();
-        for _ in 0..REFINEMENTS {
-            let work = &mut *self.work;
-            // r = -(P x + q), from the upper triangle.
-            for i in 0..n {
-                work.residual[i] = -work.gradient[i];
-            }
-            work.residual[n..].fill(0.0);
-            for (j, column) in hessian.chunks_exact(n).enumerate() {
-                let x = work.x[j];
-                let mut sum = F::multiply_add(column[j] + work.shift, x, 0.0);
-                for ((p, xi), r) in column[..j].iter().zip(&work.x).zip(&mut work.residual) {
-                    *r = F::multiply_add(-*p, x, *r);
-                    sum = F::multiply_add(*p, *xi, sum);
-                }
-                work.residual[j] -= sum;
-            }
-            work.working.residuals::<F>(&work.x, &mut work.residual, &mut work.gaps);
-            work.hessian.solve::<F>(&mut work.residual, 0);
-            work.working.correct::<F>(&mut work.residual, &work.gaps);
-            work.hessian.solve_transposed::<F>(&mut work.residual);
-            add_scaled::<F>(1.0, &work.residual, &mut work.x);
-            // The next correction would be smaller by the same factor once more.
-            let (step, size) = (largest(&work.residual), largest(&work.x));
-            if step <= CONVERGED * size {
-                break;
-            }
         }
     }
 }

@@ -28,6 +28,7 @@
 mod constraints;
 mod iterate;
 mod kernels;
+mod refine;
 mod rounds;
 mod working_set;
 
@@ -111,6 +112,8 @@ struct Work {
     bounced: Option<usize>,
     /// Largest number of the last minimum.
     size: f64,
+    /// True if the last refinement ended with a correction that no other one changes.
+    settled: bool,
     /// True if a constraint was left out as satisfied that `x` violates by more than the tolerance, within rounding.
     tied: bool,
     /// The members of the solve before.
@@ -141,6 +144,7 @@ impl ActiveSetSolver {
             newest: None,
             bounced: None,
             size: 0.0,
+            settled: true,
             tied: false,
             previous: Vec::with_capacity(n),
             iterations: 0,

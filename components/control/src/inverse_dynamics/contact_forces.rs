@@ -1,0 +1,71 @@
+//! Contacts of an inverse dynamics: their forces at the last solution, and what is set for them between ticks.
+
+use motorium_robots::Twist;
+use nalgebra::Vector3;
+
+use super::InverseDynamics;
+use super::contact::{Contact, ContactShape};
+
+impl InverseDynamics {
+    /// Force of a contact and its torque about the origin of the contact's frame, world axes \[N, Nm\], at the last solution.
+    pub fn wrench(&self, contact: usize) -> Twist {
+        let place = &self.contacts[contact];
+        let mut wrench = Twist::zero();
+        for (point, arm) in place.arms.iter().enumerate() {
+            let force = self.solution.forces.fixed_rows::<3>(3 * (place.first_point + point));
+            let force = place.axes * force;
+            wrench.linear += force;
+            wrench.angular += arm.cross(&force);
+        }
+        wrench
+    }
+
+    /// Centre of pressure of a sole \[m\] along x and y of its frame, from the frame's origin, at the last solution: the point about
+    /// which its normal forces have no torque. `None` for a contact of another shape, and for one without a force.
+    ///
+    /// On level ground it is what is called the zero-moment point of the foot. It stays within the sole, less its
+    /// [margin](Contact::margin), since the forces at the corners only push.
+    pub fn centre_of_pressure(&self, contact: usize) -> Option<[f64; 2]> {
+        let place = &self.contacts[contact];
+        let ContactShape::Sole { .. } = place.contact.shape else { return None };
+        let (mut normal, mut moment) = (0.0, Vector3::zeros());
+        for (point, arm) in place.arms.iter().enumerate() {
+            let force = self.solution.forces[3 * (place.first_point + point) + 2];
+            normal += force;
+            moment += place.axes.tr_mul(arm) * force;
+        }
+        (normal > 0.0).then(|| [moment.x / normal, moment.y / normal])
+    }
+
+    /// The contacts, in the order they were given.
+    pub fn contacts(&self) -> impl ExactSizeIterator<Item = &Contact> {
+        self.contacts.iter().map(|place| &place.contact)
+    }
+
+    /// Number of a point of a contact among those of all contacts: the place of its force in the
+    /// [forces](InverseDynamicsSolution::forces), in threes.
+    pub fn point_number(&self, contact: usize, point: usize) -> usize {
+        self.contacts[contact].first_point + point
+    }
+
+    /// Makes a contact active or not from the next [`begin`](Self::begin) on.
+    pub fn set_active(&mut self, contact: usize, active: bool) {
+        self.contacts[contact].active = active;
+    }
+
+    /// True if a contact is active.
+    pub fn is_active(&self, contact: usize) -> bool {
+        self.contacts[contact].active
+    }
+
+    /// Sets the largest normal force at each point of a contact \[N\] from the next [`begin`](Self::begin) on. A contact that is to
+    /// be lifted is unloaded by a limit that falls to zero.
+    pub fn set_max_force(&mut self, contact: usize, force: f64) {
+        self.contacts[contact].contact.max_force = force;
+    }
+
+    /// Sets the friction of a contact from the next [`begin`](Self::begin) on.
+    pub fn set_friction(&mut self, contact: usize, friction: f64) {
+        self.contacts[contact].contact.friction = friction;
+    }
+}

@@ -1,0 +1,72 @@
+//! Iterative refinement of a minimum on the working set.
+
+use super::iterate::Run;
+use super::kernels::{Arithmetic, add_scaled, largest};
+
+/// Largest number of refinements of a candidate.
+const REFINEMENTS: usize = 4;
+/// Share of the solution up to which a correction is the last.
+const CONVERGED: f64 = 1e-7;
+/// Residual, as a share of one and of the largest number of the solution, beyond which a minimum that refinement did not settle is
+/// none.
+const EXACT: f64 = 1e-9;
+
+impl Run<'_> {
+    /// Corrects the minimum and the multipliers by their residuals in the numbers of the problem.
+    #[inline(always)]
+    pub(super) fn refine<F: Arithmetic>(&mut self) {
+        let n = self.problem.gradient.len();
+        self.work.settled = false;
+        for _ in 0..REFINEMENTS {
+            self.residuals::<F>(n);
+            let work = &mut *self.work;
+            work.hessian.solve::<F>(&mut work.residual, 0);
+            work.working.correct::<F>(&mut work.residual, &work.gaps);
+            work.hessian.solve_transposed::<F>(&mut work.residual);
+            add_scaled::<F>(1.0, &work.residual, &mut work.x);
+            // The next correction would be smaller by the same factor once more.
+            let (step, size) = (largest(&work.residual), largest(&work.x));
+            if step <= CONVERGED * size {
+                work.settled = true;
+                break;
+            }
+        }
+    }
+
+    /// Residuals of the minimum and the multipliers in the numbers of the problem: of stationarity into `residual`, of the members
+    /// into `gaps`.
+    #[inline(always)]
+    fn residuals<F: Arithmetic>(&mut self, n: usize) {
+        let hessian = self.problem.hessian.as_slice();
+        let work = &mut *self.work;
+        // r = -(P x + q), from the upper triangle.
+        for i in 0..n {
+            work.residual[i] = -work.gradient[i];
+        }
+        work.residual[n..].fill(0.0);
+        for (j, column) in hessian.chunks_exact(n).enumerate() {
+            let x = work.x[j];
+            let mut sum = F::multiply_add(column[j] + work.shift, x, 0.0);
+            for ((p, xi), r) in column[..j].iter().zip(&work.x).zip(&mut work.residual) {
+                *r = F::multiply_add(-*p, x, *r);
+                sum = F::multiply_add(*p, *xi, sum);
+            }
+            work.residual[j] -= sum;
+        }
+        work.working.residuals::<F>(&work.x, &mut work.residual, &mut work.gaps);
+    }
+
+    /// True if the minimum and the multipliers, which refinement moved to the end, satisfy the members and the conditions of the
+    /// optimum. They do not where the Hessian is singular but for rounding: each correction then leaves errors of its own.
+    #[inline(never)]
+    pub(super) fn is_stationary<F: Arithmetic>(&mut self) -> bool {
+        let n = self.problem.gradient.len();
+        self.residuals::<F>(n);
+        let work = &*self.work;
+        let size = 1.0 + largest(&work.x);
+        let force = size + largest(&work.working.solved[..work.working.len()]);
+        let near = |gap: &f64| gap.abs() <= EXACT * size;
+        work.gaps[..work.working.len()].iter().all(near)
+            && work.residual[..n].iter().all(|residual| residual.abs() <= EXACT * force)
+    }
+}

@@ -1,0 +1,158 @@
+//! Weights of a pose by axis.
+
+use motorium_robots::Twist;
+use nalgebra::{Isometry3, Matrix3, Vector3, Vector6};
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// Share of the largest weight below which a direction counts as free.
+const FREE: f64 = 1e-9;
+
+/// The axes in which a task counts the error of a pose.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PoseAxes {
+    /// Those of the frame that is led: what is free stays free along with the tool.
+    #[default]
+    Frame,
+    /// Those of the target.
+    Target,
+    /// Those of the world.
+    World,
+}
+
+/// Factors of the weights of a pose by axis: a matrix for the position and one for the orientation, in axes of one's choice.
+///
+/// With `R` from these axes to the world the error is
+///
+/// ```text
+/// e = (R'(p* - p), R' log(R* R_f'))               m, rad; p, R_f: the frame, p*, R*: its target
+/// ```
+///
+/// and the rows `S_p` and `S_o` of the factors take the place of the six axes: a diagonal factor weighs each axis, and 0 leaves it
+/// free; a row may have any direction. What no row sees has no error.
+///
+/// ```
+/// use motorium_control::tasks::{AxisShares, CartesianSettings, PoseAxes};
+///
+/// // a height and an upright tool: it may go anywhere in the plane, and turn about the vertical
+/// let shares = AxisShares::new(PoseAxes::World, [0.0, 0.0, 1.0], [1.0, 1.0, 0.0]);
+/// let settings = CartesianSettings { shares: Some(shares), ..CartesianSettings::default() };
+/// # let _ = settings;
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisShares {
+    axes: PoseAxes,
+    position: Part,
+    orientation: Part,
+}
+
+/// The factors of a position or of an orientation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Part {
+    shares: Matrix3<f64>,
+    /// Projector onto the directions that a row sees.
+    seen: Matrix3<f64>,
+}
+
+impl Part {
+    fn new(shares: Matrix3<f64>) -> Self {
+        let decomposed = shares.svd(false, true);
+        let largest = decomposed.singular_values.max();
+        let mut seen = Matrix3::zeros();
+        if let Some(directions) = decomposed.v_t.filter(|_| largest > 0.0) {
+            for (row, length) in directions.row_iter().zip(&decomposed.singular_values) {
+                if *length > FREE * largest {
+                    seen += row.transpose() * row;
+                }
+            }
+        }
+        Self { shares, seen }
+    }
+}
+
+impl AxisShares {
+    /// One factor for each axis: x, y and z of the position, and the rotations about them. 0 leaves an axis free.
+    pub fn new(axes: PoseAxes, position: [f64; 3], orientation: [f64; 3]) -> Self {
+        let [position, orientation] =
+            [position, orientation].map(|shares| Matrix3::from_diagonal(&Vector3::from(shares)));
+        Self::matrices(axes, position, orientation)
+    }
+
+    /// Whole matrices, each row a direction whose error costs.
+    pub fn matrices(axes: PoseAxes, position: Matrix3<f64>, orientation: Matrix3<f64>) -> Self {
+        Self { axes, position: Part::new(position), orientation: Part::new(orientation) }
+    }
+
+    /// The axes.
+    pub fn axes(&self) -> PoseAxes {
+        self.axes
+    }
+
+    /// True if any direction of the position counts.
+    pub fn has_position(&self) -> bool {
+        self.position.seen != Matrix3::zeros()
+    }
+
+    /// True if any direction of the orientation counts.
+    pub fn has_orientation(&self) -> bool {
+        self.orientation.seen != Matrix3::zeros()
+    }
+
+    /// The error of a frame at `pose` from `target`, in the axes, without what is free: position \[m\], rotation vector \[rad\].
+    pub fn error(&self, pose: &Isometry3<f64>, target: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+        let from_world = self.world_to_axes(pose, target);
+        let place = target.translation.vector - pose.translation.vector;
+        let turn = (target.rotation * pose.rotation.inverse()).scaled_axis();
+        (self.position.seen * (from_world * place), self.orientation.seen * (from_world * turn))
+    }
+
+    /// `R'`, from the world to the axes.
+    pub(crate) fn world_to_axes(&self, pose: &Isometry3<f64>, target: &Isometry3<f64>) -> Matrix3<f64> {
+        match self.axes {
+            PoseAxes::Frame => pose.rotation.inverse().to_rotation_matrix().into_inner(),
+            PoseAxes::Target => target.rotation.inverse().to_rotation_matrix().into_inner(),
+            PoseAxes::World => Matrix3::identity(),
+        }
+    }
+
+    /// What turns the axes: `frame` if they are those of the frame, `target` if those of the target, nothing for the world.
+    pub(crate) fn turning(&self, frame: Vector3<f64>, target: Vector3<f64>) -> Vector3<f64> {
+        match self.axes {
+            PoseAxes::Frame => frame,
+            PoseAxes::Target => target,
+            PoseAxes::World => Vector3::zeros(),
+        }
+    }
+
+    /// True if the axes turn with the frame.
+    pub(crate) fn follow_frame(&self) -> bool {
+        self.axes == PoseAxes::Frame
+    }
+
+    /// `S v` of a vector in the axes.
+    pub(crate) fn weigh(&self, linear: &Vector3<f64>, angular: &Vector3<f64>) -> Vector6<f64> {
+        stacked(self.position.shares * linear, self.orientation.shares * angular)
+    }
+
+    /// `S'S v`.
+    pub(crate) fn weigh_twice(&self, v: &Vector6<f64>) -> Vector6<f64> {
+        let twice = |part: &Part, v: Vector3<f64>| part.shares.tr_mul(&(part.shares * v));
+        let (linear, angular) = (v.fixed_rows::<3>(0), v.fixed_rows::<3>(3));
+        stacked(twice(&self.position, linear.into()), twice(&self.orientation, angular.into()))
+    }
+
+    /// 1 for each row of `S` that has a factor, else 0.
+    pub(crate) fn rows(&self) -> Vector6<f64> {
+        let counts = |part: &Part| {
+            let of =
+                |row: usize| if part.shares.row(row).iter().any(|share| *share != 0.0) { 1.0 } else { 0.0 };
+            Vector3::new(of(0), of(1), of(2))
+        };
+        stacked(counts(&self.position), counts(&self.orientation))
+    }
+}
+
+fn stacked(linear: Vector3<f64>, angular: Vector3<f64>) -> Vector6<f64> {
+    Twist { linear, angular }.vector()
+}
