@@ -2,9 +2,10 @@
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::os::fd::{AsFd, BorrowedFd};
-use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{self, Command, Stdio};
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
@@ -14,9 +15,10 @@ use std::time::Duration;
 use crossbeam_channel::{Receiver, Sender, bounded};
 use rustix::process::Signal;
 
+use super::ending::{Ending, described};
 use super::{LaunchError, STOP_WITHIN};
-use crate::os::{Watch, interrupt_thread, named, with_shortage};
-use crate::region::{ComponentBlock, Phase};
+use crate::os::{Watch, held_word, interrupt_thread, named, with_shortage};
+use crate::region::{ComponentBlock, Phase, Region};
 use crate::run_folder::RunFolder;
 use crate::worker::{Failure, GUARD, Host, Hosted, Kind, Outcome, WORKER, Worker};
 
@@ -33,6 +35,9 @@ enum Body {
     Process {
         process: process::Child,
         watch: Watch,
+        /// `None` of the guard, which holds no word, and where the system refused a thread.
+        ending: Option<Ending>,
+        is_reaped: bool,
     },
     Thread(Option<JoinHandle<Outcome>>),
     /// `None` once it has failed or ended.
@@ -43,11 +48,22 @@ enum Body {
 
 impl Child {
     /// Starts a component as a process of its own.
-    pub(super) fn process(program: &Path, folder: &RunFolder, name: &str) -> Result<Self, LaunchError> {
+    pub(super) fn process(
+        program: &Path,
+        folder: &RunFolder,
+        name: &str,
+        (region, index): (&Rc<Region>, usize),
+    ) -> Result<Self, LaunchError> {
         let mut command = Command::new(program);
         command.arg(WORKER).arg(folder.path()).arg(name);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        Self::spawn(command, program, folder, name)
+        held_word::offer(&region.components()[index].held);
+        let mut child = Self::spawn(command, program, folder, name)?;
+        if let Body::Process { process, ending, .. } = &mut child.body {
+            // Without this its end is seen a few milliseconds later.
+            *ending = Ending::of(process.id(), region, index).ok();
+        }
+        Ok(child)
     }
 
     /// Starts the guard as the head of a process group of its own: a signal to the launcher's group spares it.
@@ -88,7 +104,7 @@ impl Child {
             });
         let mut child = Self {
             name: name.to_string(),
-            body: Body::Process { process, watch },
+            body: Body::Process { process, watch, ending: None, is_reaped: false },
             lines,
             dropped,
             ended: None,
@@ -232,12 +248,16 @@ impl Child {
         }
     }
 
-    /// A descriptor that becomes readable when the process has ended.
-    pub(super) fn descriptor(&self) -> Option<BorrowedFd<'_>> {
-        match &self.body {
-            Body::Process { watch, .. } if self.ended.is_none() => Some(watch.as_fd()),
-            _ => None,
-        }
+    /// Descriptors that become readable when the process begins to end, and when it has ended.
+    pub(super) fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
+        let (ending, ended) = match &self.body {
+            Body::Process { watch, ending, is_reaped: false, .. } => {
+                let ending = ending.as_ref().filter(|_| self.ended.is_none());
+                (ending.map(Ending::descriptor), Some(watch.as_fd()))
+            }
+            _ => (None, None),
+        };
+        ending.into_iter().chain(ended)
     }
 
     /// Lines it has printed since the last call.
@@ -250,18 +270,12 @@ impl Child {
         self.dropped.swap(0, Relaxed)
     }
 
-    /// The kind of its end as text, once it has ended; reaps the process.
+    /// The kind of its end as text, once it has ended or does nothing more than that.
     pub(super) fn ended(&mut self) -> Option<&str> {
+        self.is_gone();
         if self.ended.is_none() {
             self.ended = match &mut self.body {
-                Body::Process { process, watch } if watch.has_ended() => {
-                    process.wait().ok().map(|status| match (status.code(), status.signal()) {
-                        (Some(0), _) => "ended".to_string(),
-                        (Some(code), _) => format!("ended with exit code {code}"),
-                        (None, Some(signal)) => format!("killed by signal {signal}{}", signal_name(signal)),
-                        (None, None) => "ended".to_string(),
-                    })
-                }
+                Body::Process { ending, .. } => ending.as_ref().and_then(Ending::status).map(described),
                 Body::Thread(thread) if thread.as_ref().is_none_or(JoinHandle::is_finished) => {
                     match thread.take().map(JoinHandle::join) {
                         Some(Ok(Outcome::Stopped)) | None => Some("ended".to_string()),
@@ -273,6 +287,23 @@ impl Child {
             };
         }
         self.ended.as_deref()
+    }
+
+    /// True once nothing of it is left; reaps the process.
+    pub(super) fn is_gone(&mut self) -> bool {
+        let Body::Process { process, watch, ending, is_reaped } = &mut self.body else {
+            return self.ended.is_some();
+        };
+        if !*is_reaped && watch.has_ended() {
+            if let Some(ending) = ending {
+                ending.end();
+            }
+            if let Ok(status) = process.wait() {
+                *is_reaped = true;
+                self.ended.get_or_insert_with(|| described(status));
+            }
+        }
+        *is_reaped
     }
 
     /// Interrupts its waiting, so that it reads the command.
@@ -313,12 +344,16 @@ impl Child {
         if let Body::Thread(_) = self.body {
             self.wait(STOP_WITHIN);
         }
-        if self.ended().is_none()
-            && let Body::Process { process, .. } = &mut self.body
+        if !self.is_gone()
+            && let Body::Process { process, ending, is_reaped, .. } = &mut self.body
         {
+            if let Some(ending) = ending {
+                ending.end();
+            }
             let _ = process.kill();
             let _ = process.wait();
-            self.ended = Some("killed by the launcher".to_string());
+            *is_reaped = true;
+            self.ended.get_or_insert_with(|| "killed by the launcher".to_string());
         }
     }
 }
@@ -352,16 +387,4 @@ fn relay(
         }
     });
     spawned.map(drop)
-}
-
-fn signal_name(signal: i32) -> &'static str {
-    match signal {
-        libc::SIGKILL => " (SIGKILL)",
-        libc::SIGSEGV => " (SIGSEGV)",
-        libc::SIGABRT => " (SIGABRT)",
-        libc::SIGBUS => " (SIGBUS)",
-        libc::SIGTERM => " (SIGTERM)",
-        libc::SIGXCPU => " (SIGXCPU): it computed for longer than its `cpu_limit` without waiting",
-        _ => "",
-    }
 }

@@ -9,6 +9,7 @@ mod accounts;
 mod barrier;
 mod child;
 mod cores;
+mod ending;
 mod error;
 mod event;
 mod event_log;
@@ -270,10 +271,10 @@ impl Launch {
         }
         let child = match (&component.program, self.options.hosting) {
             (Program::Exec { path } | Program::Sibling { path, .. }, _) => {
-                Child::process(path, &self.folder, &component.name)?
+                Child::process(path, &self.folder, &component.name, (&self.region, index))?
             }
             (Program::Builtin { .. }, Hosting::Processes) => {
-                Child::process(&self.options.program, &self.folder, &component.name)?
+                Child::process(&self.options.program, &self.folder, &component.name, (&self.region, index))?
             }
             (Program::Builtin { kind }, Hosting::Threads) => {
                 Child::thread(self.registry.find(kind), &self.folder, &component.name)?

@@ -63,6 +63,8 @@ struct Down {
     steps: u64,
     /// Start of the new process, ns: now, or later after failures in a row.
     start_ns: u64,
+    /// The memory of the old process is gone, and its places in the topics are being freed.
+    is_cleared: bool,
     is_started: bool,
 }
 
@@ -178,7 +180,7 @@ impl Launch {
         let timeout = Timespec { tv_sec: 0, tv_nsec: wait as _ };
         let mut polled = vec![PollFd::new(self.signals.stream(), PollFlags::IN)];
         for child in self.children.iter().chain(&self.guard) {
-            if let Some(descriptor) = child.descriptor() {
+            for descriptor in child.descriptors() {
                 polled.push(PollFd::from_borrowed_fd(descriptor, PollFlags::IN));
             }
         }
@@ -193,6 +195,7 @@ impl Launch {
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Option<AfterEnd> {
         if supervision.gone {
+            self.children[index].is_gone();
             return None;
         }
         self.tell_tolerated(index, supervision, observe);
@@ -241,10 +244,8 @@ impl Launch {
             supervision.was_ended = false;
             // The time that it takes to come back counts from its first end.
             let since_ns = supervision.down.as_ref().map_or(now, |down| down.since_ns);
-            supervision.down = Some(Down { since_ns, steps, start_ns: now + delay_ns, is_started: false });
-            // The dead process holds its places in the topics until they are cleaned up.
-            self.free_places();
-            self.spare.release();
+            let start_ns = now + delay_ns;
+            supervision.down = Some(Down { since_ns, steps, start_ns, is_cleared: false, is_started: false });
             return match self.bring_back(index, supervision, now, observe) {
                 None => Some(AfterEnd::Restarted),
                 Some(error) => Some(AfterEnd::Fatal(error)),
@@ -281,7 +282,13 @@ impl Launch {
     ) -> Option<String> {
         let down = supervision.down.as_mut()?;
         if !down.is_started {
-            if now >= down.start_ns {
+            if !down.is_cleared && self.children[index].is_gone() {
+                // The dead process holds its places in the topics until they are cleaned up.
+                self.free_places();
+                self.spare.release();
+                down.is_cleared = true;
+            }
+            if down.is_cleared && now >= down.start_ns {
                 match self.start_child(index) {
                     Ok(child) => self.children[index] = child,
                     Err(error) => return Some(error.to_string()),
@@ -321,6 +328,8 @@ impl Launch {
         match &supervision.down {
             _ if supervision.gone => u64::MAX,
             None => supervision.watchdog.due_ns(),
+            // The end of the old process wakes the launcher.
+            Some(down) if !down.is_cleared => u64::MAX,
             Some(down) if !down.is_started => down.start_ns,
             // Until it steps again nothing but its counters tells.
             Some(down) => (now + 1_000_000)

@@ -4,6 +4,7 @@
 
 mod cpu_time;
 mod futex;
+pub(crate) mod held_word;
 mod idle;
 mod lock;
 pub mod machine;
@@ -25,6 +26,7 @@ pub(crate) use process::is_default;
 pub use process::{Watch, discard_output, install_interrupt, interrupt_thread, process_state, thread_id};
 pub use random::random_bytes;
 pub use readiness::Readiness;
+pub(crate) use realtime::wake_first;
 pub use realtime::{
     Applied, Denied, Placement, Request, apply, hand_over_when_asleep, leave_realtime, limit_cpu,
     page_faults, prefault_stack, times_asleep, wake_soon,

@@ -197,6 +197,14 @@ pub fn leave_realtime() {
     unsafe { libc::sched_setscheduler(0, libc::SCHED_OTHER | libc::SCHED_RESET_ON_FORK, &parameters) };
 }
 
+/// Has the calling thread wake before all others that are not real-time themselves, and have the least real-time priority
+/// then; where that is denied, as `wake_soon` does. For a thread that waits for ever.
+pub(crate) fn wake_first() {
+    if set_fifo(1).is_err() {
+        wake_soon();
+    }
+}
+
 /// Has the calling thread, at normal priority, wake before others of that priority: its turns are as short as the kernel
 /// allows (0.1 ms, Linux 6.12 and later; no effect before). For a thread that waits nearly all the time.
 pub fn wake_soon() {

@@ -69,6 +69,8 @@ pub struct ComponentBlock {
     pub pid: AtomicU32,
     /// Thread id of the stepping thread.
     pub thread: AtomicU32,
+    /// Word that a thread of its process holds while the process lives.
+    pub(crate) held: AtomicU32,
     /// Restarts. Written by the launcher.
     pub restarts: AtomicU32,
     /// Lockstep: number of calls to a tick: the word that it sleeps on. Written by the giver of the turn.

@@ -138,6 +138,10 @@ fn live<C: Component>(
     } else {
         None
     };
+    if own_process {
+        // Without it the launcher hears of its end a few milliseconds later.
+        let _ = os::held_word::hold(&block.held);
+    }
     let realtime = plan.clock == ClockKind::Realtime && own_process;
     if realtime {
         stand_aside(plan, component);

@@ -1,0 +1,134 @@
+//! The beginning of a process's end, seen before its memory is taken apart.
+
+#![allow(unsafe_code)] // a word of the control block is read from a second thread
+
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::process::ExitStatusExt as _;
+use std::process::ExitStatus;
+use std::rc::Rc;
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, OnceLock};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use crate::os::held_word::{self, Flag};
+use crate::region::Region;
+
+/// A watch over the word that a component's process holds. When the process begins to end, its threads lose their real-time
+/// priority, and a descriptor becomes readable.
+pub(super) struct Ending {
+    region: Rc<Region>,
+    index: usize,
+    seen: Arc<Seen>,
+    thread: Option<JoinHandle<()>>,
+}
+
+struct Seen {
+    flag: Flag,
+    status: OnceLock<ExitStatus>,
+    is_over: AtomicBool,
+}
+
+/// Looks at a process whose word was left, until it shows that it ends, and the time between two.
+const LOOKS: u32 = 100;
+const BETWEEN: Duration = Duration::from_micros(20);
+
+impl Ending {
+    /// Watches a component's process that was just started.
+    pub(super) fn of(pid: u32, region: &Rc<Region>, index: usize) -> io::Result<Self> {
+        let seen = Seen { flag: Flag::new()?, status: OnceLock::new(), is_over: AtomicBool::new(false) };
+        let seen = Arc::new(seen);
+        // SAFETY: the word lies in the mapping of the region, which this value keeps until the thread has been joined.
+        let word: &'static AtomicU32 = unsafe { &*core::ptr::from_ref(&region.components()[index].held) };
+        let shared = seen.clone();
+        let thread = std::thread::Builder::new().name("ending".to_string()).stack_size(128 * 1024);
+        let thread = thread.spawn(move || shared.look(word, pid))?;
+        Ok(Self { region: region.clone(), index, seen, thread: Some(thread) })
+    }
+
+    /// The status with which the process ends, once it has begun to and if that is known.
+    pub(super) fn status(&self) -> Option<ExitStatus> {
+        self.seen.status.get().copied()
+    }
+
+    /// A descriptor that becomes readable with the status.
+    pub(super) fn descriptor(&self) -> BorrowedFd<'_> {
+        self.seen.flag.as_fd()
+    }
+
+    /// Ends the watch. To be called before the process is reaped: its number may be another's then.
+    pub(super) fn end(&mut self) {
+        let Some(thread) = self.thread.take() else { return };
+        self.seen.is_over.store(true, Relaxed);
+        held_word::release(&self.region.components()[self.index].held);
+        let _ = thread.join();
+    }
+}
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+impl Seen {
+    fn look(&self, word: &AtomicU32, pid: u32) {
+        crate::os::wake_soon();
+        held_word::await_end(word);
+        for _ in 0..LOOKS {
+            if self.is_over.load(Relaxed) {
+                return;
+            }
+            if let Some(status) = held_word::ending_status(pid) {
+                let _ = self.status.set(status);
+                self.flag.raise();
+                return held_word::demote(pid);
+            }
+            std::thread::sleep(BETWEEN);
+        }
+    }
+}
+
+/// The status of a process as text.
+pub(super) fn described(status: ExitStatus) -> String {
+    match (status.code(), status.signal()) {
+        (Some(0), _) | (None, None) => "ended".to_string(),
+        (Some(code), _) => format!("ended with exit code {code}"),
+        (None, Some(signal)) => format!("killed by signal {signal}{}", signal_name(signal)),
+    }
+}
+
+fn signal_name(signal: i32) -> &'static str {
+    match signal {
+        libc::SIGKILL => " (SIGKILL)",
+        libc::SIGSEGV => " (SIGSEGV)",
+        libc::SIGABRT => " (SIGABRT)",
+        libc::SIGBUS => " (SIGBUS)",
+        libc::SIGTERM => " (SIGTERM)",
+        libc::SIGXCPU => " (SIGXCPU): it computed for longer than its `cpu_limit` without waiting",
+        _ => "",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_that_is_killed_shows_its_status_while_it_ends_and_one_that_lives_shows_none() {
+        assert_eq!(held_word::ending_status(std::process::id()), None);
+        let mut child = std::process::Command::new("sleep").arg("100").spawn().unwrap();
+        assert_eq!(held_word::ending_status(child.id()), None);
+        child.kill().unwrap();
+        let status = loop {
+            // Until it is waited for it stays there as one that ends.
+            if let Some(status) = held_word::ending_status(child.id()) {
+                break status;
+            }
+        };
+        assert_eq!(described(status), "killed by signal 9 (SIGKILL)");
+        assert_eq!(child.wait().unwrap(), status);
+    }
+}

@@ -1,0 +1,141 @@
+//! A word in shared memory that the kernel marks, waking who waits on it, when the thread that holds it ends, however it
+//! ends: a *robust futex*.
+//!
+//! The descriptor of a process tells of its end only after its memory has been taken apart, which lasts milliseconds where
+//! tens of megabytes are locked. The kernel goes through the robust futexes of a thread before that.
+
+#![allow(unsafe_code)] // the list of robust futexes is registered by a plain system call
+
+use std::io;
+use std::process::ExitStatus;
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::{Acquire, Release};
+use std::time::Duration;
+
+use super::{futex_wait, futex_wake, thread_id};
+
+/// Mark of the kernel: the holder has ended.
+const OWNER_DIED: u32 = 1 << 30;
+/// Mark for the kernel: somebody waits, who is to be woken.
+const WAITERS: u32 = 1 << 31;
+/// Flag of a process in `/proc/PID/stat` that is ending.
+const ENDING: u64 = 0x4;
+
+/// The kernel's list of the robust futexes of a thread (`struct robust_list_head`).
+#[repr(C)]
+struct Head {
+    next: *mut Entry,
+    /// From an entry to its word, bytes.
+    offset: libc::c_long,
+    pending: *mut Entry,
+}
+
+#[repr(C)]
+struct Entry {
+    next: *mut Entry,
+}
+
+/// Holds a word from a thread of its own until this process ends. All that the kernel follows lies in this process: senseless
+/// words in shared memory mislead nobody.
+///
+/// # Errors
+/// There is no room for a thread.
+pub(crate) fn hold(word: &AtomicU32) -> io::Result<()> {
+    let address = core::ptr::from_ref(word).expose_provenance();
+    // A thread of its own: the C library keeps its robust mutexes in the list of every other.
+    let thread = std::thread::Builder::new().name("holder".to_string()).stack_size(64 * 1024);
+    thread.spawn(move || hold_for_ever(address)).map(drop)
+}
+
+fn hold_for_ever(address: usize) {
+    super::wake_first();
+    let mut entry = Entry { next: core::ptr::null_mut() };
+    let offset = address.wrapping_sub((&raw const entry).addr()) as libc::c_long;
+    let mut head = Head { next: &raw mut entry, offset, pending: core::ptr::null_mut() };
+    // SAFETY: the list lies on the stack of this thread, which ends with the process only. The kernel reads it when the thread
+    // ends, changes the word only where it holds the thread's number, and skips what is no longer mapped. The word is mapped
+    // as long as a component of this process runs.
+    unsafe {
+        // the last entry leads back to the head
+        head.next.write(Entry { next: (&raw mut head).cast() });
+        let mut all: libc::sigset_t = core::mem::zeroed();
+        libc::sigfillset(&raw mut all);
+        libc::pthread_sigmask(libc::SIG_BLOCK, &raw const all, core::ptr::null_mut());
+        libc::syscall(libc::SYS_set_robust_list, &raw mut head, size_of::<Head>());
+        let word = &*core::ptr::with_exposed_provenance::<AtomicU32>(address);
+        word.store(thread_id() as u32 | WAITERS, Release);
+        futex_wake(word);
+        loop {
+            libc::pause();
+        }
+    }
+}
+
+/// Prepares a word for the next holder.
+pub(crate) fn offer(word: &AtomicU32) {
+    word.store(0, Release);
+}
+
+/// Marks a word as if its holder had ended, for those who wait.
+pub(crate) fn release(word: &AtomicU32) {
+    word.fetch_or(OWNER_DIED, Release);
+    futex_wake(word);
+}
+
+/// Waits until the holder of a word has ended, or the word is released.
+pub(crate) fn await_end(word: &AtomicU32) {
+    loop {
+        let value = word.load(Acquire);
+        if value & OWNER_DIED != 0 {
+            return;
+        }
+        futex_wait(word, value, Some(Duration::from_secs(1)));
+    }
+}
+
+/// The status with which a process that is ending will have ended; `None` while it is not, and where that cannot be known
+/// yet: status 0 is also shown to those who may not see it.
+pub(crate) fn ending_status(pid: u32) -> Option<ExitStatus> {
+    use std::os::unix::process::ExitStatusExt as _;
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    // the name stands in parentheses and may hold any character
+    let mut fields = stat.rsplit_once(')')?.1.split_ascii_whitespace();
+    let flags: u64 = fields.nth(6)?.parse().ok()?;
+    let status: i32 = fields.nth(42)?.parse().ok()?;
+    (flags & ENDING != 0 && status != 0).then(|| ExitStatus::from_raw(status))
+}
+
+/// Takes the real-time priority of all threads of a process that is ending, so that taking its memory apart holds up nobody.
+pub(crate) fn demote(pid: u32) {
+    let Ok(threads) = std::fs::read_dir(format!("/proc/{pid}/task")) else { return };
+    for thread in threads.flatten().filter_map(|entry| entry.file_name().to_str()?.parse().ok()) {
+        let parameters = libc::sched_param { sched_priority: 0 };
+        // SAFETY: `parameters` is initialised and outlives the call; a thread that is gone gives ESRCH, which is fine.
+        unsafe { libc::sched_setscheduler(thread, libc::SCHED_OTHER, &parameters) };
+    }
+}
+
+/// A descriptor that is readable once it was told to be.
+#[derive(Debug)]
+pub(crate) struct Flag(std::os::fd::OwnedFd);
+
+impl Flag {
+    /// One that is not.
+    ///
+    /// # Errors
+    /// There is no descriptor left.
+    pub(crate) fn new() -> io::Result<Self> {
+        Ok(Self(rustix::event::eventfd(0, rustix::event::EventfdFlags::CLOEXEC)?))
+    }
+
+    /// Makes it readable for ever.
+    pub(crate) fn raise(&self) {
+        let _ = rustix::io::write(&self.0, &1_u64.to_ne_bytes());
+    }
+}
+
+impl std::os::fd::AsFd for Flag {
+    fn as_fd(&self) -> std::os::fd::BorrowedFd<'_> {
+        self.0.as_fd()
+    }
+}
