@@ -116,6 +116,11 @@ impl Domain {
     /// # Errors
     /// Shared memory is full, forbidden, or the folder is gone.
     pub fn node(&self) -> Result<Node<Shared>, DomainError> {
+        // iceoryx2 would make the folder of a run that has ended anew.
+        if self.root.parent().is_some_and(|folder| !folder.exists()) {
+            let reason = "the run has ended".to_string();
+            return Err(DomainError::Node { root: self.root.clone(), reason });
+        }
         NodeBuilder::new()
             .config(&self.config)
             .signal_handling_mode(SignalHandlingMode::Disabled)

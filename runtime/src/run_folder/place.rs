@@ -1,7 +1,7 @@
 //! The private folders in which the runs of a user lie.
 
 use std::fs;
-use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _};
+use std::os::unix::fs::{DirBuilderExt as _, MetadataExt as _, PermissionsExt as _};
 use std::path::{Path, PathBuf};
 
 use super::{RunFolderError, io};
@@ -15,10 +15,21 @@ pub(super) fn make() -> Result<PathBuf, RunFolderError> {
     let path = all().swap_remove(0);
     match fs::DirBuilder::new().mode(0o700).create(&path) {
         Err(error) if error.kind() != std::io::ErrorKind::AlreadyExists => return Err(io(&path)(error)),
-        _ => {}
+        _ => close(&path),
     }
     check(&path)?;
     Ok(path)
+}
+
+/// Closes a folder of this user that others can look into and not write: iceoryx2 makes one like that when a program joins the
+/// last run just as it ends. Nobody else can have made anything in it.
+fn close(path: &Path) {
+    let Ok(metadata) = fs::symlink_metadata(path) else { return };
+    let is_own = metadata.is_dir() && metadata.uid() == rustix::process::getuid().as_raw();
+    if is_own && metadata.mode() & 0o077 != 0 && metadata.mode() & 0o022 == 0 {
+        // What stays open is refused.
+        let _ = fs::set_permissions(path, fs::Permissions::from_mode(0o700));
+    }
 }
 
 /// All folders in which runs of this user may lie, the one for new runs first.
@@ -95,7 +106,6 @@ fn is_mapped_elsewhere() -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::PermissionsExt as _;
 
     #[test]
     fn only_a_folder_of_this_user_that_is_closed_to_others_is_private() {
@@ -117,6 +127,16 @@ mod tests {
             std::os::unix::fs::chown(&folder, Some(65534), Some(65534)).unwrap();
             let text = check(&folder).unwrap_err().to_string();
             assert!(text.contains("of user 65534, not of 0"), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_folder_that_others_can_only_look_into_is_closed_and_one_that_they_can_write_is_left_to_its_user() {
+        let folder = tempfile::tempdir().unwrap();
+        for (mode, closed) in [(0o755, true), (0o750, true), (0o777, false), (0o720, false)] {
+            fs::set_permissions(folder.path(), fs::Permissions::from_mode(mode)).unwrap();
+            close(folder.path());
+            assert_eq!(check(folder.path()).is_ok(), closed, "{mode:o}");
         }
     }
 

@@ -23,21 +23,27 @@ fn a_program_that_joins_a_run_while_it_is_made_does_not_keep_it_from_being_made(
     let mut plan = Bench::new(Wrench::layout(), TopicPattern::State).plan.clone();
     plan.name = format!("joined{}", std::process::id());
     let done = AtomicBool::new(false);
-    std::thread::scope(|scope| {
+    let mut made = Vec::new();
+    let joined = std::thread::scope(|scope| {
         let joining = scope.spawn(|| join_all(&plan.name, &done));
-        for _ in 0..200 {
-            let (folder, _region) = RunFolder::create(&plan).unwrap();
-            let node = folder.domain().unwrap().node().unwrap();
+        let mut make = || -> Result<(), Box<dyn std::error::Error>> {
+            let (folder, _region) = RunFolder::create(&plan)?;
+            let node = folder.domain()?.node()?;
             std::thread::yield_now();
             drop(node);
             folder.remove();
-        }
+            made.push(folder);
+            Ok(())
+        };
+        let all_made = (0..200).try_for_each(|_| make());
         done.store(true, Relaxed);
         let joined = joining.join().unwrap();
-        // The folder of one that was joined while it ended may have been made anew.
-        for run in RunFolder::list().into_iter().filter(|run| run.id().starts_with(&plan.name)) {
-            run.remove();
-        }
-        assert!(joined > 20, "{joined} of 200 runs were joined");
+        all_made.unwrap();
+        joined
     });
+    // What was joined while it ended may have been made anew.
+    for run in &made {
+        run.remove();
+    }
+    assert!(joined > 20, "{joined} of 200 runs were joined");
 }
