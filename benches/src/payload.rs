@@ -14,9 +14,11 @@ pub trait Payload: StateBuffer {
     /// The numbers, to be written.
     fn values_mut(&mut self) -> &mut [f64];
 
-    /// Writes a time (ns, below 2^53) into every number.
+    /// Writes a time (ns, below 2^52) and the index of a number into each.
     fn write(&mut self, time_ns: u64) {
-        self.values_mut().fill(time_ns as f64);
+        for (index, value) in self.values_mut().iter_mut().enumerate() {
+            *value = number(time_ns as f64, index);
+        }
     }
 
     /// As [`write`](Self::write), and checks each number while it is written: whether all are finite.
@@ -29,18 +31,26 @@ pub trait Payload: StateBuffer {
         loan.fill_from(Self::values, times::<Self>(time_ns));
     }
 
-    /// Reads every number. `None` if they differ: the payload was torn.
+    /// Reads every number. `None` if they are not of one time: the payload was torn.
     fn read(&self) -> Option<u64> {
-        let first = self.values()[0].to_bits();
-        let differ = self.values().iter().fold(0, |differ, value| differ | (value.to_bits() ^ first));
-        (differ == 0).then_some(f64::from_bits(first) as u64)
+        let first = self.values()[0];
+        let expected = |index| number(first, index).to_bits();
+        let values = self.values().iter().enumerate();
+        let differ = values.fold(0, |differ, (index, value)| differ | (value.to_bits() ^ expected(index)));
+        (differ == 0).then_some(first as u64)
     }
+}
+
+/// A number of a payload. All differ: a check of them cannot be made once for all.
+fn number(time: f64, index: usize) -> f64 {
+    // integers of 32 bits become numbers in vectors
+    time + f64::from(index as i32)
 }
 
 /// The numbers of a payload of this time.
 fn times<P: Payload>(time_ns: u64) -> impl Iterator<Item = f64> {
     let time = time_ns as f64;
-    (0..P::BYTES / size_of::<f64>()).map(move |_| time)
+    (0..P::BYTES / size_of::<f64>()).map(move |index| number(time, index))
 }
 
 macro_rules! payloads {
