@@ -26,9 +26,10 @@ fn run(graph: &str, arguments: &[&str]) -> Value {
 fn the_arm_follows_its_goals_through_the_buses_nearly_as_well_as_without_them() {
     let with = run("graphs/panda-can-sim.toml", &[]);
     let without = run("graphs/panda-reach.toml", &[]);
-    let error =
-        |report: &Value| report["results"]["controller"]["position_error_m"].as_f64().expect("a number");
-    assert!(error(&with) <= 1.2 * error(&without), "{} m and {} m", error(&with), error(&without));
+    for error in ["position_error_m", "orientation_error_rad"] {
+        let of = |report: &Value| report["results"]["controller"][error].as_f64().expect("a number");
+        assert!(of(&with) <= 1.2 * of(&without), "{error}: {} and {}", of(&with), of(&without));
+    }
     assert_eq!(with["results"]["controller"]["goals_missed"], 0);
     let adapter = &with["results"]["adapter"];
     assert_eq!(adapter["cycles"], 10_000);

@@ -12,6 +12,7 @@
 mod common_answer;
 mod dialogue;
 mod link;
+mod rounding;
 mod setting;
 
 use crate::bus::Received;

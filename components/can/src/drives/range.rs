@@ -32,11 +32,16 @@ impl Range {
         Self { min: 0.0, max }
     }
 
+    /// The number of the range that is nearest to this one; to zero, for one that is no number.
+    pub fn nearest(&self, x: f64) -> f64 {
+        let x = if x.is_nan() { 0.0 } else { x };
+        x.clamp(self.min, self.max)
+    }
+
     /// The integer of `bits` bits for a number. One that is no number is sent as the one nearest to zero.
     pub fn encode(&self, x: f64, bits: u32) -> u16 {
         let largest = largest(bits);
-        let x = if x.is_nan() { 0.0 } else { x };
-        let scaled = (x.clamp(self.min, self.max) - self.min) * largest / (self.max - self.min);
+        let scaled = (self.nearest(x) - self.min) * largest / (self.max - self.min);
         let whole = scaled as u32;
         let rounded = if scaled - f64::from(whole) > 0.5 { whole + 1 } else { whole };
         rounded.min(largest as u32) as u16

@@ -3,7 +3,7 @@
 use super::Motor;
 use crate::damiao::{Register, Request, Value};
 use crate::frame::Frame;
-use crate::mit::{self, Command, Drive, Fault, Feedback, Instruction, Reply, State};
+use crate::mit::{Command, Drive, Fault, Feedback, Instruction, Reply, State};
 
 /// A drive of the MIT family as it behaves on the bus and at its shaft.
 ///
@@ -136,8 +136,7 @@ impl SimulatedDrive {
         if self.is_enabled() && self.motor.is_too_hot() {
             self.state = State::Fault(Fault::HotMotor);
         }
-        let mit::Command { position: p, velocity: v, kp, kd, torque } = self.command;
-        let wanted = kp * (p - position) + kd * (v - velocity) + torque;
+        let wanted = self.command.torque_at(position, velocity);
         self.motor.give(self.is_enabled().then_some(wanted))
     }
 }

@@ -1,7 +1,8 @@
 //! The dialogue with drives of the MIT family: a frame to the drive, one back.
 
-use super::{Heard, Order};
+use super::{Heard, Motion, Order};
 use crate::adapter::WrongSetting;
+use crate::adapter::rounding::Rounding;
 use crate::damiao::{Register, Request, Value};
 use crate::frame::{DecodeError, Form, Frame};
 use crate::mit::{Command, Drive, Instruction, Reply};
@@ -10,11 +11,14 @@ use crate::mit::{Command, Drive, Instruction, Reply};
 pub(in crate::adapter) struct Mit {
     codec: Drive,
     watchdog_ns: u64,
+    /// Its newest state; `None` before its first answer.
+    motion: Option<Motion>,
+    rounding: Rounding,
 }
 
 impl Mit {
     pub(super) fn new(codec: Drive, watchdog_ns: u64) -> Self {
-        Self { codec, watchdog_ns }
+        Self { codec, watchdog_ns, motion: None, rounding: Rounding::default() }
     }
 
     /// Damiao drives tell their settings, the others do not.
@@ -34,7 +38,7 @@ impl Mit {
         self.codec.reply_id == frame.id
     }
 
-    pub(super) fn write(&self, order: &Order, frames: &mut Vec<Frame>) {
+    pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         let instruction = match *order {
             Order::Check(register) => {
                 frames.push(self.request(register).frame().in_form(self.codec.form));
@@ -44,15 +48,26 @@ impl Mit {
             // a command of nothing, which is answered
             Order::Rest => Instruction::Command(Command::default()),
             Order::Enable => Instruction::Enable,
-            Order::Follow(command) => Instruction::Command(command),
+            Order::Follow(command) => {
+                let Self { codec, motion, rounding, .. } = self;
+                let state = motion.map(|motion| (motion.position, motion.velocity));
+                frames.push(codec.command(&rounding.command(&command, &codec.ranges, state)));
+                return;
+            }
         };
+        self.rounding = Rounding::default();
         frames.push(self.codec.instruct(&instruction));
     }
 
-    pub(super) fn read(&self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
         match checking {
             Some(register) => self.check(register, frame).map(Heard::Setting),
-            None => self.codec.reply(frame).map(Heard::Feedback),
+            None => {
+                let feedback = self.codec.reply(frame)?;
+                let (position, velocity) = (feedback.position, feedback.velocity);
+                self.motion = Some(Motion { position, velocity, held: None });
+                Ok(Heard::Feedback(feedback))
+            }
         }
     }
 

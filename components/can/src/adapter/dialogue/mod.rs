@@ -192,9 +192,6 @@ impl Motion {
 
     /// The torque of a command at the newest state.
     fn torque(&self, command: &Command, ranges: &Ranges) -> f64 {
-        let torque = command.kp * (command.position - self.position)
-            + command.kd * (command.velocity - self.velocity)
-            + command.torque;
-        torque.clamp(ranges.torque.min, ranges.torque.max)
+        command.torque_at(self.position, self.velocity).clamp(ranges.torque.min, ranges.torque.max)
     }
 }

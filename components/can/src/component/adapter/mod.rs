@@ -3,6 +3,7 @@
 mod account;
 mod config;
 mod exchange;
+mod hand_over;
 mod results;
 
 use motorium::component::RunClock;
@@ -20,6 +21,7 @@ use config::WhenTripped;
 pub use config::{CanAdapterConfig, JointHealth};
 use config::{answer_within, check_budget, check_watchdogs};
 use exchange::{Exchange, Sockets, Topics};
+use hand_over::HandOver;
 
 /// Frames that one batch of all buses holds at most.
 pub(super) const BATCH: usize = 128;
@@ -38,6 +40,7 @@ pub struct CanAdapter {
     weight: Weight,
     clock: RunClock,
     frames: Vec<Frame>,
+    hand_over: HandOver,
     resumes: u32,
     safe: u64,
 }
@@ -145,6 +148,7 @@ impl Component for CanAdapter {
             },
             clock,
             frames: Vec::with_capacity(BATCH),
+            hand_over: HandOver::default(),
             resumes: gate.resumes(),
             gate,
             safe: 0,
@@ -163,15 +167,26 @@ impl Component for CanAdapter {
                     return Ok(());
                 };
                 topics.send(tick, adapter, buses, frames)?;
+                self.hand_over.sent(self.clock.stamp_ns(self.clock.now_ns()));
             }
             Exchange::Sockets(sockets) => {
                 // late ones, before the newest command goes out
                 sockets.collect(adapter, buses);
                 self.apply_command(tick.settling);
-                let Self { exchange: Exchange::Sockets(sockets), adapter, buses, frames, .. } = self else {
+                let Self {
+                    exchange: Exchange::Sockets(sockets),
+                    adapter,
+                    buses,
+                    frames,
+                    hand_over,
+                    clock,
+                    ..
+                } = self
+                else {
                     return Ok(());
                 };
                 sockets.send(adapter, buses, frames);
+                hand_over.sent(clock.stamp_ns(clock.now_ns()));
                 sockets.await_answers(adapter, buses);
                 self.end_cycle(tick)?;
             }
@@ -222,6 +237,8 @@ impl CanAdapter {
             |effort: &mut [f64]| weight.dynamics.gravity(&weight.model, position, weight.gravity, effort);
         let verdict = gate.check(command, Measured { position, velocity, gravity: &mut gravity });
         self.safe += u64::from(!settling && matches!(verdict, Verdict::Safe { .. }));
+        let is_applied = self.adapter.enabled_in().is_some() && verdict == Verdict::Applied;
+        self.hand_over.take(command.current().filter(|_| is_applied).map(|reading| reading.stamp()));
         let resumes = self.gate.resumes();
         if resumes != self.resumes {
             self.resumes = resumes;

@@ -55,6 +55,7 @@ impl CanAdapter {
             "enabled_in_cycle": self.adapter.enabled_in(),
             "tripped": self.adapter.has_tripped(),
             "cycles_in_safe_state": self.safe,
+            "command_to_frame_us": self.hand_over.result(),
             "missing_replies": sum(|counts| counts.missing),
             "late_replies": sum(|counts| counts.late),
             "duplicate_replies": sum(|counts| counts.duplicate),

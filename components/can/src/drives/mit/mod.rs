@@ -54,6 +54,35 @@ impl Ranges {
         }
     }
 
+    /// A command with each field brought within its range.
+    pub fn clamped(&self, command: &Command) -> Command {
+        self.map(command, |range, x, _| range.nearest(x))
+    }
+
+    /// A command as the drive reads it: each field within its range, and rounded to its bits.
+    ///
+    /// ```
+    /// use motorium_can::mit::{Command, Ranges};
+    ///
+    /// let ranges = Ranges::new(12.5, 30.0, 10.0);
+    /// let read = ranges.rounded(&Command { torque: 1.234, ..Command::default() });
+    /// assert!((read.torque - 1.234).abs() <= ranges.torque.resolution(12) / 2.0);
+    /// assert!(read.velocity < 0.0, "no integer stands for zero in the middle of a range");
+    /// ```
+    pub fn rounded(&self, command: &Command) -> Command {
+        self.map(command, |range, x, bits| range.decode(range.encode(x, bits), bits))
+    }
+
+    fn map(&self, command: &Command, change: impl Fn(&Range, f64, u32) -> f64) -> Command {
+        Command {
+            position: change(&self.position, command.position, 16),
+            velocity: change(&self.velocity, command.velocity, 12),
+            kp: change(&self.kp, command.kp, 12),
+            kd: change(&self.kd, command.kd, 12),
+            torque: change(&self.torque, command.torque, 12),
+        }
+    }
+
     /// The same with other largest gains.
     #[must_use]
     pub const fn with_gains(self, kp: f64, kd: f64) -> Self {
@@ -74,6 +103,20 @@ pub struct Command {
     pub kd: f64,
     /// Feed-forward torque, N m.
     pub torque: f64,
+}
+
+impl Command {
+    /// The torque that a drive gives for it at this position \[rad\] and velocity \[rad/s\], within no limits, N m.
+    ///
+    /// ```
+    /// use motorium_can::mit::Command;
+    ///
+    /// let command = Command { position: 1.0, kp: 20.0, kd: 0.5, torque: 3.0, ..Command::default() };
+    /// assert_eq!(command.torque_at(0.9, 2.0), 3.0 + 20.0 * (1.0 - 0.9) - 0.5 * 2.0);
+    /// ```
+    pub fn torque_at(&self, position: f64, velocity: f64) -> f64 {
+        self.torque + self.kp * (self.position - position) + self.kd * (self.velocity - velocity)
+    }
 }
 
 /// A frame to a drive.

@@ -1,0 +1,97 @@
+//! The rounding of commands to the few bits of their fields.
+
+use crate::mit::{Command, Ranges};
+
+/// The rounding of the commands of one drive, made up for by its torque.
+///
+/// The fields of a command have 12 and 16 bits, and no integer stands for a velocity or a torque of zero. Rounded one by one they
+/// turn a joint aside by half a step of the torque over the stiffness, and hold it there. Instead the torque takes over what
+/// positions, velocities and gains lose, at the newest state of the drive, and what its own rounding leaves is added to the
+/// torque of the next cycle (error diffusion). So the mean torque is the one commanded, and a single one at most a step beside it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Rounding {
+    /// The part of the torques so far that has not been sent, N m.
+    rest: f64,
+}
+
+impl Rounding {
+    /// The command to send, at this position \[rad\] and velocity \[rad/s\] of the drive; without them as it is. What lies
+    /// beyond a range is cut off, and not made up for.
+    pub(super) fn command(
+        &mut self,
+        wanted: &Command,
+        ranges: &Ranges,
+        state: Option<(f64, f64)>,
+    ) -> Command {
+        let Some((position, velocity)) = state else { return *wanted };
+        let wanted = ranges.clamped(wanted);
+        let rounded = ranges.rounded(&wanted);
+        let lost = wanted.torque_at(position, velocity) - rounded.torque_at(position, velocity);
+        let torque = rounded.torque + lost + self.rest;
+        let sent = Command { torque, ..rounded };
+        let step = ranges.torque.resolution(12);
+        self.rest = (torque - ranges.rounded(&sent).torque).clamp(-step, step);
+        sent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STATE: (f64, f64) = (0.731_3, -0.117);
+
+    fn ranges() -> Ranges {
+        Ranges::new(12.5, 30.0, 10.0)
+    }
+
+    fn wanted() -> Command {
+        Command { position: 0.753_1, velocity: 0.041, kp: 61.7, kd: 1.234, torque: 0.777 }
+    }
+
+    /// The torques that a drive gives at `STATE` for this command, cycle by cycle.
+    fn torques(wanted: Command) -> impl Iterator<Item = f64> {
+        let mut rounding = Rounding::default();
+        std::iter::repeat_with(move || {
+            let sent = rounding.command(&wanted, &ranges(), Some(STATE));
+            ranges().rounded(&sent).torque_at(STATE.0, STATE.1)
+        })
+    }
+
+    #[test]
+    fn the_mean_torque_is_the_one_commanded_and_none_is_more_than_a_step_beside_it() {
+        for command in [wanted(), Command::default(), Command { kp: 0.0, kd: 0.0, ..wanted() }] {
+            let (goal, step) = (command.torque_at(STATE.0, STATE.1), ranges().torque.resolution(12));
+            let torques: Vec<f64> = torques(command).take(1000).collect();
+            let mean = torques.iter().sum::<f64>() / 1000.0;
+            assert!((mean - goal).abs() <= step / 1000.0, "{mean} instead of {goal}");
+            assert!(torques.iter().all(|torque| (torque - goal).abs() <= step), "{goal}: {torques:?}");
+        }
+    }
+
+    #[test]
+    fn rounded_field_by_field_the_torque_is_off_for_ever() {
+        let (goal, rounded) = (wanted().torque_at(STATE.0, STATE.1), ranges().rounded(&wanted()));
+        assert!((rounded.torque_at(STATE.0, STATE.1) - goal).abs() > 0.2 * ranges().torque.resolution(12));
+    }
+
+    #[test]
+    fn what_a_range_cuts_off_is_not_made_up_for() {
+        let strong = Command { torque: 14.0, ..Command::default() };
+        assert!(torques(strong).take(100).all(|torque| (torque - 10.0).abs() < 0.02));
+        let stiff = Command { kp: 900.0, ..wanted() };
+        let goal = Command { kp: 500.0, ..wanted() }.torque_at(STATE.0, STATE.1);
+        assert!(torques(stiff).take(100).all(|torque| torque <= goal.min(20.0) + 0.02));
+        // and nothing of it is left when it is over
+        let mut rounding = Rounding::default();
+        for _ in 0..100 {
+            rounding.command(&strong, &ranges(), Some(STATE));
+        }
+        assert!(rounding.rest.abs() <= ranges().torque.resolution(12));
+    }
+
+    #[test]
+    fn before_the_state_is_known_a_command_is_sent_as_it_is() {
+        assert_eq!(Rounding::default().command(&wanted(), &ranges(), None), wanted());
+    }
+}
