@@ -1,7 +1,7 @@
 //! Which share of a target that was missed is the machine's and its host's.
 
 use super::Measurement;
-use super::targets::Seen;
+use super::seen::Seen;
 
 /// A target that was missed.
 pub(super) struct Miss {

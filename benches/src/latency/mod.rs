@@ -4,6 +4,7 @@ mod catalogue;
 mod compare;
 mod json;
 mod miss;
+mod seen;
 mod targets;
 
 use std::path::PathBuf;

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Measurement;
 use super::miss::Miss;
+use super::seen::Seen;
 
 /// True if a target was reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -199,40 +200,6 @@ pub fn targets(measured: &[Measurement]) -> Vec<Target> {
         }
     };
     TARGETS.iter().map(fill).collect()
-}
-
-/// Measurements of one run.
-pub(super) struct Seen<'a>(pub(super) &'a [Measurement]);
-
-impl Seen<'_> {
-    pub(super) fn get(&self, name: &str) -> Option<&Measurement> {
-        self.0.iter().find(|measurement| measurement.name == name)
-    }
-
-    fn ratio_of_p99(&self, of: &str, to: &str) -> Option<f64> {
-        Some(self.get(of)?.ns.p99 as f64 / self.get(to)?.ns.p99.max(1) as f64)
-    }
-
-    /// The ratio of two medians: the median over their turns, where they took turns.
-    pub(super) fn ratio(&self, of: &str, to: &str) -> Option<f64> {
-        let (of, to) = (self.get(of)?, self.get(to)?);
-        let ratio = |of: u64, to: u64| of as f64 / to.max(1) as f64;
-        let turns = of.slices_p50.iter().zip(&to.slices_p50).map(|(of, to)| ratio(*of, *to));
-        let mut turns: Vec<f64> = turns.collect();
-        turns.sort_by(f64::total_cmp);
-        Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| ratio(of.ns.p50, to.ns.p50)))
-    }
-
-    /// Cost of a worker and its ports on each of the 7 hops of a chain of 8: against a chain of processes that only
-    /// write, wake, and read, in the same slice of time. ns to us.
-    fn worker_overhead(&self) -> Option<f64> {
-        let (chain, floor) = (self.get("chain.8")?, self.get("floor.chain.8")?);
-        let overhead = |chain: u64, floor: u64| (chain as f64 - floor as f64) / 7.0 * 1e-3;
-        let turns = chain.slices_p50.iter().zip(&floor.slices_p50);
-        let mut turns: Vec<f64> = turns.map(|(chain, floor)| overhead(*chain, *floor)).collect();
-        turns.sort_by(f64::total_cmp);
-        Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| overhead(chain.ns.p50, floor.ns.p50)))
-    }
 }
 
 #[cfg(test)]

@@ -3,8 +3,8 @@
 use foxglove::Encode;
 use foxglove::messages::{
     ArrowPrimitive, CameraCalibration, Color, FrameTransform, FrameTransforms, JointState as NamedJoint,
-    JointStates, Log, Odometry as FoxgloveOdometry, Pose, PoseInFrame, Quaternion, RawImage, SceneEntity,
-    SceneUpdate, Vector3, log::Level,
+    JointStates, Log, Odometry as FoxgloveOdometry, Pose, PoseInFrame, RawImage, SceneEntity, SceneUpdate,
+    log::Level,
 };
 use motorium::declare::TopicPattern;
 use motorium::plan::Plan;
@@ -14,8 +14,9 @@ use motorium::state::{
 };
 
 use super::Schema;
+use super::fields::{quaternion, timestamp, vector};
 use super::pictures::{PictureError, Pictures};
-use super::robots::{RobotFrames, WORLD, robot_of_topic, timestamp};
+use super::robots::{RobotFrames, WORLD, robot_of_topic};
 
 /// Length of the arrow that a force of 1 N draws, m.
 const METRES_PER_NEWTON: f64 = 0.01;
@@ -59,15 +60,6 @@ pub enum DrawnError {
     /// Bytes that are no picture of the form that was told.
     #[error(transparent)]
     Picture(#[from] PictureError),
-}
-
-pub(super) fn vector(v: &[f64]) -> Vector3 {
-    Vector3 { x: v[0], y: v[1], z: v[2] }
-}
-
-/// Of x, y, z and w.
-pub(super) fn quaternion(q: &[f64]) -> Quaternion {
-    Quaternion { x: q[0], y: q[1], z: q[2], w: q[3] }
 }
 
 fn pose(position: &[f64], orientation: &[f64]) -> Option<Pose> {

@@ -41,6 +41,7 @@
 mod channels;
 mod derived;
 mod drawn;
+mod fields;
 mod pictures;
 mod robots;
 mod wire;

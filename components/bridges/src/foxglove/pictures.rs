@@ -4,7 +4,7 @@ use foxglove::messages::RawImage;
 use motorium::plan::Plan;
 use motorium::state::{ImageInfo, StateBuffer as _, from_bytes};
 
-use super::robots::timestamp;
+use super::fields::timestamp;
 
 /// The pictures of a topic of slices of `u8`, in the form that their writer tells on another.
 #[derive(Debug, Clone)]

@@ -1,13 +1,13 @@
 //! The robots of a plan: which one a topic belongs to, its description, and the poses of its links.
 
-use foxglove::messages::{FrameTransform, FrameTransforms, Timestamp};
+use foxglove::messages::{FrameTransform, FrameTransforms};
 use motorium::declare::RobotReference;
 use motorium::plan::{ComponentPlan, Plan, PortPlan};
 use motorium::state::{BaseState, JointState, StateBuffer as _};
 use motorium_robots::{BasePose, Kinematics, Loaded, RobotSource, RobotSourceError};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-use super::drawn::{quaternion, vector};
+use super::fields::{quaternion, timestamp, vector};
 use super::{Schema, wire};
 
 /// The frame in which robots and objects stand.
@@ -249,10 +249,4 @@ impl RobotFrames {
             }],
         }
     }
-}
-
-/// A time in Foxglove's form.
-pub(super) fn timestamp(time_ns: u64) -> Timestamp {
-    let seconds = u32::try_from(time_ns / 1_000_000_000).unwrap_or(u32::MAX);
-    Timestamp::new(seconds, (time_ns % 1_000_000_000) as u32)
 }

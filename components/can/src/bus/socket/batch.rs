@@ -196,12 +196,6 @@ pub(super) fn take_error(socket: BorrowedFd<'_>) {
     }
 }
 
-/// A frame of zeros, reserved fields included.
-pub(super) fn zero_frame() -> canfd_frame {
-    // SAFETY: a plain structure of numbers, for which zero is a value.
-    unsafe { zeroed() }
-}
-
 /// Sends one frame as it is, a classic one.
 pub(super) fn send_raw(socket: BorrowedFd<'_>, frame: &canfd_frame) -> io::Result<()> {
     // SAFETY: a CAN FD frame begins like a classic one, of whose length so many bytes are read.

@@ -34,9 +34,16 @@ pub(super) fn of_report(report: &Report) -> canfd_frame {
     empty(classes & CAN_ERR_MASK | CAN_ERR_FLAG, 8, 0, data)
 }
 
+/// A frame of zeros, reserved fields included.
+#[allow(unsafe_code)] // the reserved fields have no names, and the structure no default
+fn zero_frame() -> canfd_frame {
+    // SAFETY: a plain structure of numbers, for which zero is a value.
+    unsafe { core::mem::zeroed() }
+}
+
 fn empty(can_id: u32, len: u8, flags: u8, data: [u8; 64]) -> canfd_frame {
     // the fields without a name are reserved, and zero
-    let mut frame: canfd_frame = super::batch::zero_frame();
+    let mut frame = zero_frame();
     (frame.can_id, frame.len, frame.flags, frame.data) = (can_id, len, flags, data);
     frame
 }
