@@ -7,8 +7,8 @@ use crate::declare::Declare;
 use crate::plan;
 use crate::run_folder::RunFolder;
 use crate::worker::{
-    CLEANER, ConfigSource, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, KINDS, Kind, KindAnswer,
-    KindsAnswer, Outcome, WORKER, Worker,
+    CLEANER, DESCRIBE, DescribeAnswer, DescribeRequest, GUARD, KINDS, Kind, KindAnswer, KindsAnswer, Outcome,
+    WORKER, Worker,
 };
 
 /// The request of motorium to a program, from its arguments.
@@ -159,12 +159,11 @@ pub fn describe(kinds: &[Kind]) -> ExitCode {
         eprintln!("this program hosts no kind `{}`", request.kind.unwrap_or_default());
         return ExitCode::from(2);
     };
-    let config = ConfigSource::Json(request.config);
     let declare = match request.robots.is_empty() {
         true => Declare::new(request.robot),
         false => Declare::of_robots(request.robots),
     };
-    let declared = kind.declare_in(config, declare.placed(request.placement));
+    let declared = kind.declare_in(request.config, declare.placed(request.placement));
     let (declaration, error) = match declared {
         Ok(declaration) => (Some(declaration), None),
         Err(problem) => (None, Some(problem.error.into())),

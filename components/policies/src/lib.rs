@@ -15,14 +15,14 @@
 //! anything:
 //!
 //! ```
-//! use motorium::worker::{ConfigSource, Kind};
+//! use motorium::worker::Kind;
 //! use motorium_policies::DmpPolicy;
 //!
 //! let config = serde_json::json!({
 //!     "start": { "position": [0.4, 0.0, 0.4] },
 //!     "goals": [{ "position": [0.5, 0.2, 0.4], "duration": "2 s" }],
 //! });
-//! let declared = Kind::of::<DmpPolicy>().declare(ConfigSource::Json(config), None).unwrap();
+//! let declared = Kind::of::<DmpPolicy>().declare(config, None).unwrap();
 //! assert_eq!(declared.ports[0].name, "target");
 //! ```
 

@@ -4,7 +4,7 @@
 //! lockstep.
 
 mod account;
-mod config_place;
+mod config;
 mod failure;
 mod grid;
 mod hosted;
@@ -27,7 +27,7 @@ pub use protocol::{
     CLEANER, DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, KINDS, KindAnswer, KindsAnswer,
     WORKER,
 };
-pub use registry::{ConfigProblem, ConfigSource, Kind, Registry, RobotCheck, RobotSource, Sibling};
+pub use registry::{ConfigProblem, Kind, Registry, RobotCheck, RobotSource, Sibling};
 pub(crate) use rounds::Rounds;
 
 use std::os::fd::OwnedFd;
@@ -226,8 +226,8 @@ fn configure<C: Component>(
     let component = &plan.components[index];
     let tick = context.block().steps.load(Relaxed);
     let at_setup = |message: String| Failure { tick, message };
-    let config = serde_json::from_value(component.config.clone())
-        .map_err(|error| at_setup(format!("its configuration: {error}")))?;
+    let config = config::read(component.config.clone())
+        .map_err(|error| at_setup(format!("its configuration: {}", error.message)))?;
     // Before those of its ports: there is room for so many.
     context.note_first_lines();
     let setup = failure::guard(|| Setup::new(folder, plan, index, context.clone()));

@@ -5,20 +5,6 @@ use super::{Failure, Outcome, Worker};
 use crate::component::Component;
 use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
 
-/// The source of a component's `config` table.
-#[derive(Debug, Clone)]
-pub enum ConfigSource<'a> {
-    /// The graph file: errors carry their place in it.
-    #[cfg(feature = "launcher")]
-    Toml(toml::Spanned<toml::de::DeValue<'a>>),
-    /// Never: without a launcher there are no graph files.
-    #[cfg(not(feature = "launcher"))]
-    #[doc(hidden)]
-    Never(core::convert::Infallible, core::marker::PhantomData<&'a ()>),
-    /// A resolved plan.
-    Json(serde_json::Value),
-}
-
 /// A component type known by name, with the functions that launcher and worker call.
 #[derive(Debug, Clone, Copy)]
 pub struct Kind {
@@ -37,14 +23,14 @@ pub struct Kind {
 }
 
 type OpenFunction = fn(&Host<'_>, usize) -> Result<Box<dyn Hosted>, Failure>;
-type DeclareFunction = fn(ConfigSource<'_>, Declare) -> Result<Declaration, ConfigProblem>;
+type DeclareFunction = fn(serde_json::Value, Declare) -> Result<Declaration, ConfigProblem>;
 
-/// A configuration that was refused, with its place in the file when it came from one.
+/// A configuration that was refused.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConfigProblem {
-    /// Bytes of the graph file at fault.
-    pub span: Option<core::ops::Range<usize>>,
-    /// The value found, and the values expected.
+    /// True if it could not be read: the component has not seen it.
+    pub unread: bool,
+    /// The value found, and the values expected, with the key at fault.
     pub error: ConfigError,
 }
 
@@ -69,7 +55,7 @@ impl Kind {
     /// The configuration cannot work; the error carries the place.
     pub fn declare(
         &self,
-        config: ConfigSource<'_>,
+        config: serde_json::Value,
         robot: Option<RobotReference>,
     ) -> Result<Declaration, ConfigProblem> {
         self.declare_in(config, Declare::new(robot))
@@ -81,7 +67,7 @@ impl Kind {
     /// The configuration cannot work, or a component of this kind works on one robot at most.
     pub fn declare_in(
         &self,
-        config: ConfigSource<'_>,
+        config: serde_json::Value,
         declare: Declare,
     ) -> Result<Declaration, ConfigProblem> {
         (self.declare)(config, declare)
@@ -101,30 +87,18 @@ impl Kind {
 }
 
 fn declare<C: Component>(
-    config: ConfigSource<'_>,
+    config: serde_json::Value,
     mut declare: Declare,
 ) -> Result<Declaration, ConfigProblem> {
-    use serde::Deserialize as _;
-    let config = match config {
-        #[cfg(not(feature = "launcher"))]
-        ConfigSource::Never(never, _) => match never {},
-        #[cfg(feature = "launcher")]
-        ConfigSource::Toml(table) => {
-            C::Config::deserialize(toml::de::ValueDeserializer::from(table)).map_err(|error| {
-                ConfigProblem { span: error.span(), error: ConfigError::new(error.message()) }
-            })?
-        }
-        ConfigSource::Json(value) => {
-            super::config_place::read(value).map_err(|error| ConfigProblem { span: None, error })?
-        }
-    };
+    let config: C::Config =
+        super::config::read(config).map_err(|error| ConfigProblem { unread: true, error })?;
     let declared = C::declare(&config, &mut declare);
     if !declare.robots_fit() {
         let error = ConfigError::key("robots", format!("`{}` works on one robot at most", C::KIND))
             .advise("give it one by `robot = \"NAME\"`, and each of the others a component of its own");
-        return Err(ConfigProblem { span: None, error });
+        return Err(ConfigProblem { unread: false, error });
     }
-    declared.map_err(|error| ConfigProblem { span: None, error })?;
+    declared.map_err(|error| ConfigProblem { unread: false, error })?;
     Ok(Declaration { resets: C::RESETS, ..declare.into_declaration() })
 }
 

@@ -23,7 +23,7 @@ use crate::graph::source::Span;
 use crate::graph::values::{AnyTable, check_name};
 use crate::nearest::suggest;
 use crate::plan::Program;
-use crate::worker::{ConfigProblem, ConfigSource, DescribeRequest};
+use crate::worker::{ConfigProblem, DescribeRequest};
 
 /// Most components of a graph: what is beyond is no robot, and would take the analysis of its times long.
 const MOST: usize = 512;
@@ -214,7 +214,11 @@ fn identify(
                 Ok(Home::Sibling(program, _)) => {
                     let path = program.path.clone();
                     draft.program = Some(Program::Sibling { kind: name.clone(), path: path.clone() });
-                    return if ask { asked(draft, &path, Some(name), &at.span, report) } else { None };
+                    return if ask {
+                        asked(draft, &config, &path, Some(name), &at.span, report)
+                    } else {
+                        None
+                    };
                 }
                 Err(homeless) => {
                     homeless.report(name, draft, &at.span, context, report);
@@ -230,16 +234,15 @@ fn identify(
                 robots => Declare::of_robots(robots.to_vec()),
             };
             let declare = declare.placed(draft.placement.clone());
-            let declared =
-                timed(&mut draft.declare_ns, || kind.declare_in(ConfigSource::Toml(config), declare));
-            declared.map_err(|problem| doubts::problem(draft, &problem, report)).ok()
+            let declared = timed(&mut draft.declare_ns, || kind.declare_in(draft.config.clone(), declare));
+            declared.map_err(|problem| doubts::problem(draft, &config, &problem, report)).ok()
         }
         (None, Some(at)) => {
             let path = exec::find(at.get()?, context.sources.folder(&at.span))
                 .map_err(|problem| problem.report(draft, &at.span, report))
                 .ok()?;
             draft.program = Some(Program::Exec { path: path.clone() });
-            if ask { asked(draft, &path, None, &at.span, report) } else { None }
+            if ask { asked(draft, &config, &path, None, &at.span, report) } else { None }
         }
     }
 }
@@ -247,6 +250,7 @@ fn identify(
 /// The declaration of a component by the program that hosts it.
 fn asked(
     draft: &mut Draft<'_, '_>,
+    config: &Value<'_>,
     path: &Path,
     kind: Option<&str>,
     span: &Span,
@@ -262,7 +266,7 @@ fn asked(
     match timed(&mut draft.declare_ns, || exec::describe(path, &request)) {
         Ok(Ok(declaration)) => Some(declaration),
         Ok(Err(error)) => {
-            doubts::problem(draft, &ConfigProblem { span: None, error }, report);
+            doubts::problem(draft, config, &ConfigProblem { unread: false, error }, report);
             None
         }
         Err(problem) => {

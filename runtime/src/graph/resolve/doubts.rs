@@ -4,7 +4,7 @@ use super::Draft;
 use crate::declare::{ConfigError, DeclareWarning};
 use crate::graph::diagnostic::Report;
 use crate::graph::json::find;
-use crate::graph::read::good;
+use crate::graph::read::{Value, good};
 use crate::graph::source::Span;
 use crate::nearest::nearest;
 use crate::plan::Program;
@@ -35,18 +35,28 @@ fn subject(draft: &Draft<'_, '_>, key: Option<&str>) -> String {
     }
 }
 
-/// Reports a configuration that a component refused.
-pub(super) fn problem(draft: &Draft<'_, '_>, problem: &ConfigProblem, report: &mut Report) {
+/// Reports a configuration that a component refused. `config` is its table as the component gets it.
+pub(super) fn problem(
+    draft: &Draft<'_, '_>,
+    config: &Value<'_>,
+    problem: &ConfigProblem,
+    report: &mut Report,
+) {
     let ConfigError { key, message, advice } = &problem.error;
-    let by_key = key.as_deref().and_then(|key| match message.starts_with(UNKNOWN_KEY) {
-        true => good(&draft.table.config).and_then(|config| find(&config.0, key)).map(|found| found.key),
+    let place = key.as_deref().and_then(|key| match message.starts_with(UNKNOWN_KEY) {
+        true => find(config, key).map(|found| found.key),
+        false if problem.unread => find(config, key).map(|found| found.value),
         false => place_of(key, draft),
     });
-    let whole = draft.table.config.as_ref().map_or(&draft.place, |config| &config.key);
-    let place = problem.span.clone().or(by_key).unwrap_or_else(|| whole.clone());
-    let subject = match key.as_deref() {
-        None if problem.span.is_some() => format!("`{}.config`", draft.name),
-        key => subject(draft, key),
+    let whole = match (problem.unread, &draft.table.config) {
+        (true, _) => config.span(),
+        (false, Some(table)) => table.key.clone(),
+        (false, None) => draft.place.clone(),
+    };
+    let place = place.unwrap_or(whole);
+    let subject = match problem.unread {
+        true => format!("`{}.config`", draft.name),
+        false => subject(draft, key.as_deref()),
     };
     let advice = advice.clone().or_else(|| near_field(message)).unwrap_or_else(|| match &draft.program {
         Some(Program::Exec { path }) => {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use motorium::declare::{Declaration, RobotReference};
 use motorium::graph::programs::{self, ExecProblem};
-use motorium::worker::{ConfigSource, DescribeRequest, Kind, KindAnswer, Registry};
+use motorium::worker::{DescribeRequest, Kind, KindAnswer, Registry};
 use serde_json::{Value as Json, json};
 
 use crate::out::errln;
@@ -99,9 +99,7 @@ impl KindSource<'_> {
             None => error.message,
         };
         match self {
-            Self::BuiltIn(kind) => {
-                kind.declare(ConfigSource::Json(config), robot).map_err(|problem| refused(problem.error))
-            }
+            Self::BuiltIn(kind) => kind.declare(config, robot).map_err(|problem| refused(problem.error)),
             Self::Installed(path, kind) | Self::Exec(path, kind) => {
                 let request = DescribeRequest {
                     kind: Some(kind.name.clone()),
