@@ -113,6 +113,13 @@ const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
         "chain.8",
     ),
     (
+        "command gate of 7 joints per step beyond a check of numbers and age, p50",
+        0.1,
+        "us",
+        |seen| seen.beyond("gate", "floor.gate", 1.0),
+        "gate",
+    ),
+    (
         "chain of 8 processes on one core, each step traced, p50 / without a trace",
         1.05,
         "",
@@ -226,12 +233,17 @@ impl Seen<'_> {
     /// Cost of a worker and its ports on each of the 7 hops of a chain of 8: against a chain of processes that only
     /// write, wake, and read, in the same slice of time. ns to us.
     fn worker_overhead(&self) -> Option<f64> {
-        let (chain, floor) = (self.get("chain.8")?, self.get("floor.chain.8")?);
-        let overhead = |chain: u64, floor: u64| (chain as f64 - floor as f64) / 7.0 * 1e-3;
-        let turns = chain.slices_p50.iter().zip(&floor.slices_p50);
-        let mut turns: Vec<f64> = turns.map(|(chain, floor)| overhead(*chain, *floor)).collect();
+        self.beyond("chain.8", "floor.chain.8", 7.0)
+    }
+
+    /// The difference of two medians for each of `parts`, us: the median over their turns, where they took turns.
+    fn beyond(&self, of: &str, floor: &str, parts: f64) -> Option<f64> {
+        let (of, floor) = (self.get(of)?, self.get(floor)?);
+        let beyond = |of: u64, floor: u64| (of as f64 - floor as f64) / parts * 1e-3;
+        let turns = of.slices_p50.iter().zip(&floor.slices_p50);
+        let mut turns: Vec<f64> = turns.map(|(of, floor)| beyond(*of, *floor)).collect();
         turns.sort_by(f64::total_cmp);
-        Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| overhead(chain.ns.p50, floor.ns.p50)))
+        Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| beyond(of.ns.p50, floor.ns.p50)))
     }
 }
 
@@ -310,6 +322,16 @@ mod tests {
         let one = |what| (find(&table, what).measured, find(&table, what).verdict);
         assert_eq!(one("p99 / dora's"), (Some(0.04), Verdict::Met));
         assert_eq!(one("forced to FIFO"), (Some(0.1), Verdict::Missed));
+    }
+
+    #[test]
+    fn the_cost_of_the_gate_is_what_a_step_takes_beyond_one_without_it_in_the_same_turn() {
+        let turns =
+            |name, slices: &[u64]| Measurement { slices_p50: slices.to_vec(), ..measured(name, 0, 0, 0) };
+        let table = targets(&[turns("gate", &[390, 700, 410]), turns("floor.gate", &[300, 400, 330])]);
+        let target = find(&table, "command gate");
+        assert!((target.measured.unwrap() - 0.09).abs() < 1e-9, "{target:?}");
+        assert_eq!(target.verdict, Verdict::Met);
     }
 
     #[test]
