@@ -93,8 +93,7 @@ impl Actuator {
     fn apply_gated(&mut self) -> Option<f64> {
         let gate = self.gate.as_mut()?;
         let mut gravity = |effort: &mut [f64]| effort.fill(0.0);
-        let measured =
-            Measured { position: &self.position, velocity: &self.velocity, gravity: &mut gravity };
+        let measured = Measured { position: &self.position, velocity: &self.velocity, gravity: &mut gravity };
         let verdict = gate.check(&mut self.command, measured);
         let efforts = efforts(gate.setpoints(), &self.position, &self.velocity);
         (verdict == Verdict::Applied).then_some(efforts)
@@ -124,7 +123,8 @@ fn efforts(setpoints: &[JointSetpoint], position: &[f64], velocity: &[f64]) -> f
 
 impl Component for Actuator {
     const KIND: &'static str = "bench.actuator";
-    const SUMMARY: &'static str = "applies the commands of 7 joints, with or without the gate, for benchmarks";
+    const SUMMARY: &'static str =
+        "applies the commands of 7 joints, with or without the gate, for benchmarks";
     type Config = ActuatorConfig;
 
     fn declare(_: &ActuatorConfig, declare: &mut Declare) -> Result<(), ConfigError> {

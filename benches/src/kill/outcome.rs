@@ -75,7 +75,13 @@ impl Outcome {
 
 impl Trial {
     /// The outcome of a fault in words.
-    pub(super) fn outcome(&self, victim: &Victim, fault: Fault, before: &Before, seen: &Consequence) -> Outcome {
+    pub(super) fn outcome(
+        &self,
+        victim: &Victim,
+        fault: Fault,
+        before: &Before,
+        seen: &Consequence,
+    ) -> Outcome {
         let index = match victim {
             Victim::Component(name) => self.index(name),
             _ => None,

@@ -175,8 +175,7 @@ impl Trial {
         }
         let mut consequence = self.follow(victim, fault, &before, injected_ns);
         consequence.pause = pause;
-        consequence.outcome =
-            (!consequence.hung).then(|| self.outcome(victim, fault, &before, &consequence));
+        consequence.outcome = (!consequence.hung).then(|| self.outcome(victim, fault, &before, &consequence));
         if let Some(mut child) = observer {
             let _ = child.kill();
             let _ = child.wait();

@@ -370,10 +370,12 @@ fn every_row_of_the_tables_of_faults_names_a_test_that_exists() {
     // The outcomes themselves are compared by `.ci/run`.
     let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_string()).collect::<Vec<_>>();
     let matrix: Vec<_> = signals.lines().filter(|line| line.starts_with("| ")).map(cells).collect();
-    let head = ["", "fault", "physics", "encoder", "policy", "controller", "launcher", "guard", "observer", ""];
+    let head =
+        ["", "fault", "physics", "encoder", "policy", "controller", "launcher", "guard", "observer", ""];
     assert_eq!(matrix[0], head);
     let faults: Vec<&str> = matrix[2..].iter().map(|row| row[1].as_str()).collect();
     assert_eq!(faults, motorium_benches::kill::Fault::ALL.map(motorium_benches::kill::Fault::name));
-    let outcome = |cell: &String| ["goes on", "safe state", "no actuator"].iter().any(|o| cell.starts_with(o));
+    let outcome =
+        |cell: &String| ["goes on", "safe state", "no actuator"].iter().any(|o| cell.starts_with(o));
     assert!(matrix[2..].iter().all(|row| row[2..9].iter().all(outcome)), "{matrix:?}");
 }
