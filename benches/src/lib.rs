@@ -4,6 +4,7 @@
 
 pub mod distribution;
 mod error;
+pub mod gate;
 pub mod graphs;
 pub mod host;
 pub mod kill;

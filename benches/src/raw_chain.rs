@@ -23,7 +23,7 @@ pub(crate) const LINK: &str = "--bench-link";
 /// Numbers of the payload: 512 B.
 const NUMBERS: usize = 64;
 const PERIOD_NS: u64 = 1_000_000;
-/// So long before its release the head stops sleeping and spins, ns: as a component does that is released by the clock.
+/// Time before its release at which the head stops sleeping and spins, ns: as a component that is released by the clock.
 const SPIN_NS: u64 = 100_000;
 /// Passed on instead of a time: it is over.
 const OVER: u64 = 0;

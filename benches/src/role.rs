@@ -12,14 +12,14 @@ use crate::raw_chain::{LINK, run_link};
 pub enum Role {
     /// One side of a ping-pong.
     PingPong {
-        /// Which of the two.
+        /// The side of the two.
         side: String,
         /// The folder of the measurement.
         folder: PathBuf,
     },
     /// One process of a chain.
     Link {
-        /// Which of them.
+        /// Index of the process.
         index: String,
         /// The folder of the measurement.
         folder: PathBuf,

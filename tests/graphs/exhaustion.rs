@@ -7,8 +7,10 @@ use std::process::{Command, Output, Stdio};
 
 use motorium::launcher::Exit;
 
+use rustix::process::{Pid, Resource, Rlimit};
+
 use crate::faults::faulty;
-use crate::support::{Ended, MOTORIUM, is_root, machine, workspace};
+use crate::support::{Ended, MOTORIUM, Run, is_root, kill, leftovers, machine, panda_reach, workspace};
 
 fn text(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
@@ -91,6 +93,70 @@ fn too_few_processes_are_named_and_nothing_is_left_behind() {
         ran.push(output.status.success());
     }
     assert_eq!((ran.first(), ran.last()), (Some(&false), Some(&true)), "{ran:?}");
+}
+
+/// Threads of a process by name; those of all names with `None`.
+fn threads(pid: u32, named: Option<&[&str]>) -> u64 {
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).expect("the process is there").flatten();
+    let names = tasks.map(|task| std::fs::read_to_string(task.path().join("comm")).unwrap_or_default());
+    names.filter(|name| named.is_none_or(|named| named.contains(&name.trim()))).count() as u64
+}
+
+#[test]
+fn a_run_asks_for_as_many_processes_and_threads_as_it_takes() {
+    let _machine = machine();
+    const LONELY: u32 = 64_322;
+    let command = "ulimit -u 1; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms";
+    if !is_root() || !shell("\"$MOTORIUM\" --version").uid(LONELY).output().is_ok_and(|o| o.status.success())
+    {
+        return eprintln!("skipped: needs root, and a program that other users can start");
+    }
+    let told = text(&shell(command).uid(LONELY).gid(LONELY).output().expect("bash runs"));
+    let needs = told.split_once("the graph needs ").and_then(|(_, rest)| rest.split_once(" more"));
+    let needs: u64 = needs.and_then(|(number, _)| number.parse().ok()).unwrap_or_else(|| panic!("{told}"));
+    let run = Run::start(&panda_reach(), &["--for", "60 s"]);
+    let components = ["physics", "encoder", "policy", "controller"];
+    let takes = threads(run.launcher(), Some(&["relay", "ending"]))
+        + threads(run.guard(), None)
+        + components.map(|component| threads(run.pid_of(component), None)).iter().sum::<u64>();
+    // One more frees the places of dead processes.
+    assert_eq!(needs, takes + 1, "{told}");
+}
+
+#[test]
+fn a_component_that_opens_all_the_files_it_may_is_told_and_follows_the_policy() {
+    let _machine = machine();
+    let restart = "restart = { when = \"failure\" }\ncore = 0\ncpu_limit = \"30 s\"\nhang_after = \"30 s\"";
+    let (_folder, graph) = faulty("{ fault = \"open\", at = 200, once = true }", restart);
+    let before = shared_memory();
+    let run = format!("ulimit -n 256; exec \"$MOTORIUM\" run {} --force --for 4s", graph.display());
+    let output = shell(&run).output().expect("bash runs");
+    let text = text(&output);
+    assert_eq!(output.status.code(), Some(0), "{text}");
+    let told = ["`faulty` at tick 200", "Too many open files", "`faulty` steps again after"];
+    assert!(told.iter().all(|words| text.contains(words)), "{text}");
+    assert_eq!(shared_memory(), before, "{text}");
+}
+
+#[test]
+fn a_launcher_without_descriptors_for_a_restart_names_them_and_stops_the_robot_safely() {
+    let _machine = machine();
+    let restart = ["--for", "60 s", "--set", "controller.restart.when=failure"];
+    let run = Run::start(&panda_reach(), &restart);
+    let id = run.folder.id().to_string();
+    // As many as it has, so that there is none for another; what it lets go of in the end is there for its last deeds.
+    let is_open = |number: &u64| Path::new(&format!("/proc/{}/fd/{number}", run.launcher())).exists();
+    let open = (0..1_000_000).find(|number| !is_open(number));
+    let none = Rlimit { current: open, maximum: open };
+    rustix::process::prlimit(Pid::from_raw(run.launcher() as i32), Resource::Nofile, none)
+        .expect("it is a process of this user");
+    kill(run.pid_of("controller"));
+    let ended = run.finish();
+    assert_eq!(ended.code, Some(4), "{}", ended.stderr);
+    let Exit::SafeStop { reason } = &ended.report().exit else { panic!("{:?}", ended.report().exit) };
+    assert!(reason.contains("controller") && reason.contains("as many files open as it may"), "{reason}");
+    assert!(ended.stderr.contains("all actuators in their safe state"), "{}", ended.stderr);
+    assert_eq!(leftovers(&id), Vec::<String>::new());
 }
 
 /// Runs a shell line with a `/dev/shm` of its own, of so many bytes and files; what is left there comes last.

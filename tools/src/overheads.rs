@@ -7,7 +7,7 @@ use motorium::os::machine;
 use motorium::schedule::Overheads;
 use serde::{Deserialize, Serialize};
 
-/// Which machine and kernel something was measured on.
+/// The machine and the kernel that something was measured on.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Machine {
     /// Release and version of the kernel.

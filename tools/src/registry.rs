@@ -27,7 +27,7 @@ pub(crate) fn registry() -> Registry {
 /// The kinds that a graph may use, and those that only the graphs of benchmarks and replays are made of.
 pub(crate) fn with_hidden() -> Registry {
     let hidden = [motorium_benches::relay::kind(), motorium_bridges::recording::replay_kind()];
-    let kinds = kinds().into_iter().chain(hidden);
+    let kinds = kinds().into_iter().chain(hidden).chain(motorium_benches::gate::kinds());
     Registry::new(RobotSource { check: check_robot }, kinds)
 }
 

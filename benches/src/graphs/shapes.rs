@@ -64,6 +64,16 @@ pub fn fan_out(readers: usize, seconds: u32, core: usize) -> String {
     text
 }
 
+/// A commander of 7 joints at 1 kHz and the actuator that it triggers, on one core: with the command gate or without.
+pub fn gate(gated: bool, seconds: u32, core: usize) -> String {
+    format!(
+        "name = \"bench-gate\"\nduration = \"{seconds} s\"\n[cores]\nrealtime = [{core}]\n[component.commander]\n\
+         kind = \"bench.commander\"\nrate = \"1 kHz\"\npublish = {{ command = \"bench/command\" }}\n\
+         [component.actuator]\nkind = \"bench.actuator\"\ntrigger = \"bench/command\"\n\
+         subscribe = {{ command = \"bench/command\" }}\nconfig = {{ gated = {gated} }}\n"
+    )
+}
+
 /// The Panda loop: physics, encoder, policy, controller at 1 kHz, from state to command.
 pub fn panda(seconds: u32) -> String {
     PANDA.replace("duration = \"10 s\"", &format!("duration = \"{seconds} s\""))
@@ -85,12 +95,14 @@ mod tests {
     }
 
     #[test]
-    fn every_graph_of_relays_can_run() {
-        let registry = Registry::new(RobotSource { check: no_robots }, [Kind::of::<Relay>()]);
+    fn every_graph_of_relays_and_of_gates_can_run() {
+        let kinds = crate::gate::kinds().into_iter().chain([Kind::of::<Relay>()]);
+        let registry = Registry::new(RobotSource { check: no_robots }, kinds);
         let machine = Machine::detect();
         let core = motorium::os::machine::online_cores()[0];
         let graphs = [release(4_000, 1, core), chain(2, 1, core), chain(8, 1, core), caterpillar(1, core)];
-        for text in graphs.into_iter().chain([fan_out(1, 1, core), fan_out(8, 1, core)]) {
+        let more = [fan_out(1, 1, core), fan_out(8, 1, core), gate(true, 1, core), gate(false, 1, core)];
+        for text in graphs.into_iter().chain(more) {
             let checked = graph::check(Path::new("bench.toml"), text.clone(), &[], &registry, &machine);
             checked.unwrap_or_else(|error| panic!("{text}\n{}", error.render(false)));
         }

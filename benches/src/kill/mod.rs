@@ -5,6 +5,7 @@
 //! answered, and when the component published again.
 
 mod fault;
+mod outcome;
 mod trial;
 
 use std::path::{Path, PathBuf};
@@ -16,6 +17,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use fault::{Fault, Victim};
+pub use outcome::{After, Outcome, Robot};
 use trial::{Consequence, RunEnd, Trial};
 
 use crate::{Distribution, MeasureError};
@@ -60,6 +62,9 @@ pub struct Cell {
     pub hung: u32,
     /// Faults after which an actuator followed a command that was long stale.
     pub unsafe_outages: u32,
+    /// The outcome of most of these faults; of a pause, from those that are long for a command and short for a
+    /// watchdog. `None` where there was no such fault.
+    pub outcome: Option<Outcome>,
 }
 
 /// All faults together.
@@ -113,6 +118,7 @@ struct Collected {
 pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, MeasureError> {
     let began = Instant::now();
     let mut random = Pcg64::seed_from_u64(settings.seed);
+    let mut deck = Deck::new(settings);
     let mut collected: Vec<Collected> = Vec::new();
     let mut summary = Summary {
         seed: settings.seed,
@@ -136,8 +142,7 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
             if summary.faults == settings.count {
                 break;
             }
-            let victim = settings.victims[random.random_range(0..settings.victims.len())].clone();
-            let fault = settings.faults[random.random_range(0..settings.faults.len())];
+            let (victim, fault) = deck.next(&mut random);
             let pause = Duration::from_millis(random.random_range(1..300));
             std::thread::sleep(Duration::from_millis(random.random_range(20..300)));
             let consequence = trial.inject(&settings.program, &victim, fault, pause);
@@ -166,6 +171,31 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
     Ok(summary)
 }
 
+/// Each victim with each fault, in a random order that is another one each time through.
+struct Deck {
+    cards: Vec<(Victim, Fault)>,
+    drawn: usize,
+}
+
+impl Deck {
+    fn new(settings: &Settings) -> Self {
+        let pairs = |victim: &Victim| settings.faults.iter().map(|fault| (victim.clone(), *fault)).collect();
+        let cards: Vec<_> = settings.victims.iter().flat_map::<Vec<_>, _>(pairs).collect();
+        Self { drawn: cards.len(), cards }
+    }
+
+    fn next(&mut self, random: &mut Pcg64) -> (Victim, Fault) {
+        if self.drawn == self.cards.len() {
+            self.drawn = 0;
+            for last in (1..self.cards.len()).rev() {
+                self.cards.swap(last, random.random_range(0..=last));
+            }
+        }
+        self.drawn += 1;
+        self.cards[self.drawn - 1].clone()
+    }
+}
+
 impl Summary {
     fn add(&mut self, end: &RunEnd, launcher_died: bool) {
         self.hangs += u32::from(end.hung);
@@ -189,6 +219,7 @@ impl Cell {
         };
         let count = |of: fn(&Consequence) -> bool| consequences.iter().filter(|one| of(one)).count() as u32;
         Self {
+            outcome: Outcome::of(fault, &consequences),
             victim,
             fault,
             count: consequences.len() as u32,
@@ -209,4 +240,35 @@ fn scratch() -> Result<PathBuf, MeasureError> {
     let path: &Path = &std::env::temp_dir().join(name);
     std::fs::create_dir(path).map_err(|error| MeasureError::system("making a folder", error))?;
     Ok(path.to_path_buf())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_time_through_the_deck_hits_every_victim_by_every_fault_once() {
+        let settings = Settings {
+            program: PathBuf::new(),
+            graph: PathBuf::new(),
+            components: Vec::new(),
+            count: 0,
+            per_run: 1,
+            seed: 1,
+            victims: vec![Victim::Launcher, Victim::Guard, Victim::Component("arm".to_string())],
+            faults: Fault::ALL.to_vec(),
+        };
+        let mut random = Pcg64::seed_from_u64(settings.seed);
+        let mut deck = Deck::new(&settings);
+        let mut orders = Vec::new();
+        for _ in 0..2 {
+            let order: Vec<_> = (0..18).map(|_| deck.next(&mut random)).collect();
+            let mut sorted = order.clone();
+            sorted.sort();
+            sorted.dedup();
+            assert_eq!(sorted.len(), 18);
+            orders.push(order);
+        }
+        assert_ne!(orders[0], orders[1]);
+    }
 }

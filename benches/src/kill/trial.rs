@@ -15,6 +15,7 @@ use motorium::state::{JointCommand, StateBuffer as _};
 use rustix::process::Signal;
 
 use super::fault::{Fault, Victim};
+use super::outcome::{Before, Outcome};
 use crate::MeasureError;
 
 /// Time within which everything has to happen that a fault leads to: an upper bound for hangs, no figure.
@@ -33,8 +34,8 @@ pub(super) struct Trial {
     child: Child,
     scratch: PathBuf,
     folder: RunFolder,
-    region: Region,
-    plan: Plan,
+    pub(super) region: Region,
+    pub(super) plan: Plan,
     /// Every process of the run that was ever seen.
     seen: Vec<Watch>,
 }
@@ -52,6 +53,10 @@ pub(super) struct Consequence {
     pub(super) hung: bool,
     /// Commands stopped for longer than they may, and an actuator was not in its safe state.
     pub(super) unsafe_outage: bool,
+    /// All of that in words; `None` if nothing came of it in time.
+    pub(super) outcome: Option<Outcome>,
+    /// Length of a pause.
+    pub(super) pause: Duration,
 }
 
 /// The end of a run.
@@ -142,7 +147,7 @@ impl Trial {
         Watch::new(pid).ok()
     }
 
-    fn index(&self, component: &str) -> Option<usize> {
+    pub(super) fn index(&self, component: &str) -> Option<usize> {
         self.plan.components.iter().position(|known| known.name == component)
     }
 
@@ -168,7 +173,9 @@ impl Trial {
         if let Some(process) = &process {
             fault.make(process, pause);
         }
-        let consequence = self.follow(victim, fault, &before, injected_ns);
+        let mut consequence = self.follow(victim, fault, &before, injected_ns);
+        consequence.pause = pause;
+        consequence.outcome = (!consequence.hung).then(|| self.outcome(victim, fault, &before, &consequence));
         if let Some(mut child) = observer {
             let _ = child.kill();
             let _ = child.wait();
@@ -257,7 +264,8 @@ impl Trial {
         let mut last = None;
         for (_, (_, block)) in actuators {
             let since_ns = block.safe_since_ns.load(Relaxed);
-            if block.safe.load(Relaxed) == 0 || since_ns < injected_ns {
+            // It may have been left again: a pause is over before the first look.
+            if since_ns < injected_ns {
                 return None;
             }
             last = last.max(Some(since_ns));
@@ -366,27 +374,5 @@ impl Drop for Trial {
         let _ = self.child.kill();
         let _ = self.child.wait();
         let _ = std::fs::remove_dir_all(&self.scratch);
-    }
-}
-
-/// Counters of a run just before a fault.
-struct Before {
-    restarts: u32,
-    steps: u64,
-    guard: u32,
-}
-
-impl Before {
-    fn of(trial: &Trial, victim: &Victim) -> Self {
-        let guard = trial.region.header().guard.load(Relaxed);
-        let index = match victim {
-            Victim::Component(name) => trial.index(name),
-            _ => None,
-        };
-        let (restarts, steps) = index.map_or((0, 0), |index| {
-            let block = &trial.region.components()[index];
-            (block.restarts.load(Relaxed), block.steps.load(Relaxed))
-        });
-        Self { restarts, steps, guard }
     }
 }

@@ -33,6 +33,7 @@ enum Kind {
     RawChain { processes: usize },
     Caterpillar,
     FanOut { readers: usize },
+    Gate { gated: bool },
     Panda,
     Read { bytes: usize },
 }
@@ -62,6 +63,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("release at 1 kHz", &["floor.timer", "release.1khz"]),
     ("chain of 4", &["floor.chain.4", "chain.4"]),
     ("chain of 8", &["floor.chain.8", "chain.8", "chain.8.traced"]),
+    ("command gate", &["floor.gate", "gate"]),
     ("blocking across cores, 1 kHz", &["floor.futex.across.1khz", "hop.blocking.across.1khz.512"]),
     ("Panda loop", &["panda", "panda.loaded"]),
     ("release at 1 kHz, under load", &["floor.timer.loaded", "release.1khz.loaded"]),
@@ -159,6 +161,10 @@ pub fn catalogue() -> Vec<Case> {
         let what = format!("fan-out to {readers} on one core, the last reader");
         add(format!("fan-out.{readers}"), what, false, Kind::FanOut { readers });
     }
+    let what = "a command of 7 joints applied, its numbers and age checked and nothing else".to_string();
+    add("floor.gate".into(), what, false, Kind::Gate { gated: false });
+    let what = "a command of 7 joints applied through the command gate".to_string();
+    add("gate".into(), what, false, Kind::Gate { gated: true });
     add("panda".into(), "Panda loop, state to command".into(), false, Kind::Panda);
     for name in
         ["floor.timer", "floor.futex.same", "hop.blocking.same.512", "release.1khz", "chain.4", "panda"]
@@ -260,6 +266,12 @@ impl Case {
                 let tails: Vec<_> = tails.collect::<Result<_, _>>()?;
                 let last = tails.into_iter().max_by_key(|outcome| outcome.samples.p50());
                 last.ok_or_else(|| MeasureError::Ended("no reader has measured anything".to_string()))
+            }
+            Kind::Gate { gated } => {
+                let ran = bench.launch(graphs::gate(*gated, bench.seconds, core))?;
+                let seen = ran.relayed("actuator", "step_ns");
+                let none = || MeasureError::Ended("the actuator has followed no command".to_string());
+                Ok(graph(&ran, seen.ok_or_else(none)?))
             }
             Kind::Panda => {
                 let ran = bench.launch(graphs::panda(bench.panda_seconds))?;

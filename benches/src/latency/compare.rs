@@ -44,7 +44,7 @@ pub enum Direction {
 pub struct Change {
     /// Its name.
     pub name: String,
-    /// Which percentile: `p50` or `p99`.
+    /// The percentile: `p50` or `p99`.
     pub percentile: &'static str,
     /// The floor whose same percentile it is divided by.
     pub floor: String,

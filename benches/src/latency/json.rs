@@ -20,7 +20,7 @@ pub struct Written {
     pub motorium: String,
     /// Arguments of the program, without its own name.
     pub arguments: Vec<String>,
-    /// When it began, s since 1970.
+    /// Time of its beginning, s since 1970.
     pub began_unix_s: u64,
     /// The machine it was measured on.
     pub machine: Machine,
@@ -53,7 +53,7 @@ pub enum ReadError {
     /// It could not be read.
     #[error("{file} could not be read: {error}")]
     File {
-        /// Which.
+        /// The file.
         file: String,
         /// The reason.
         error: std::io::Error,
@@ -61,7 +61,7 @@ pub enum ReadError {
     /// It is of another version of the format, or of none.
     #[error("{file} is of version {found} of the format; this program reads {VERSION}: measure again")]
     Version {
-        /// Which.
+        /// The file.
         file: String,
         /// Its version, `unknown` where it names none.
         found: String,
@@ -69,7 +69,7 @@ pub enum ReadError {
     /// It is not what `motorium bench latency --json` writes.
     #[error("{file} is not a file that `motorium bench latency --json` wrote: {error}")]
     Content {
-        /// Which.
+        /// The file.
         file: String,
         /// The mistake and its place.
         error: serde_json::Error,

@@ -108,7 +108,7 @@ fn late(missed: &Measurement) -> Option<String> {
 }
 
 fn is_median(name: &str) -> bool {
-    name.starts_with("hop.") || name == "chain.8"
+    name.starts_with("hop.") || ["chain.8", "gate"].contains(&name)
 }
 
 #[cfg(test)]

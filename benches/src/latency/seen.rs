@@ -29,11 +29,16 @@ impl Seen<'_> {
     /// Cost of a worker and its ports on each of the 7 hops of a chain of 8: against a chain of processes that only
     /// write, wake, and read, in the same slice of time. ns to us.
     pub(super) fn worker_overhead(&self) -> Option<f64> {
-        let (chain, floor) = (self.get("chain.8")?, self.get("floor.chain.8")?);
-        let overhead = |chain: u64, floor: u64| (chain as f64 - floor as f64) / 7.0 * 1e-3;
-        let turns = chain.slices_p50.iter().zip(&floor.slices_p50);
-        let mut turns: Vec<f64> = turns.map(|(chain, floor)| overhead(*chain, *floor)).collect();
+        self.beyond("chain.8", "floor.chain.8", 7.0)
+    }
+
+    /// The difference of two medians for each of `parts`, us: the median over their turns, where they took turns.
+    pub(super) fn beyond(&self, of: &str, floor: &str, parts: f64) -> Option<f64> {
+        let (of, floor) = (self.get(of)?, self.get(floor)?);
+        let beyond = |of: u64, floor: u64| (of as f64 - floor as f64) / parts * 1e-3;
+        let turns = of.slices_p50.iter().zip(&floor.slices_p50);
+        let mut turns: Vec<f64> = turns.map(|(of, floor)| beyond(*of, *floor)).collect();
         turns.sort_by(f64::total_cmp);
-        Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| overhead(chain.ns.p50, floor.ns.p50)))
+        Some(turns.get(turns.len() / 2).copied().unwrap_or_else(|| beyond(of.ns.p50, floor.ns.p50)))
     }
 }

@@ -114,6 +114,13 @@ const TARGETS: &[(&str, f64, &str, Value, &str)] = &[
         "chain.8",
     ),
     (
+        "command gate of 7 joints per step beyond a check of numbers and age, p50",
+        0.1,
+        "us",
+        |seen| seen.beyond("gate", "floor.gate", 1.0),
+        "gate",
+    ),
+    (
         "chain of 8 processes on one core, each step traced, p50 / without a trace",
         1.05,
         "",
@@ -277,6 +284,16 @@ mod tests {
         let one = |what| (find(&table, what).measured, find(&table, what).verdict);
         assert_eq!(one("p99 / dora's"), (Some(0.04), Verdict::Met));
         assert_eq!(one("forced to FIFO"), (Some(0.1), Verdict::Missed));
+    }
+
+    #[test]
+    fn the_cost_of_the_gate_is_what_a_step_takes_beyond_one_without_it_in_the_same_turn() {
+        let turns =
+            |name, slices: &[u64]| Measurement { slices_p50: slices.to_vec(), ..measured(name, 0, 0, 0) };
+        let table = targets(&[turns("gate", &[390, 700, 410]), turns("floor.gate", &[300, 400, 330])]);
+        let target = find(&table, "command gate");
+        assert!((target.measured.unwrap() - 0.09).abs() < 1e-9, "{target:?}");
+        assert_eq!(target.verdict, Verdict::Met);
     }
 
     #[test]

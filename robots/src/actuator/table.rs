@@ -130,9 +130,9 @@ const MOST_TIMES: usize = 64;
 pub struct ActuatorTableError {
     /// The key at fault, dotted.
     pub key: String,
-    /// What was found, and what was expected.
+    /// The value found, and the values expected.
     pub message: String,
-    /// What to try, where something can be said.
+    /// Advice, where there is any.
     pub advice: Option<String>,
 }
 

@@ -84,7 +84,7 @@ pub enum SolidProblem {
     /// A size that is not positive.
     #[error("its {what} is {value}, which must be above 0")]
     Size {
-        /// Which size.
+        /// Name of the size.
         what: &'static str,
         /// Its value.
         value: f64,

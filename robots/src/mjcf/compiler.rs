@@ -8,7 +8,7 @@ use roxmltree::Node;
 use super::attributes::Attributes;
 use super::error::{MjcfError, MjcfProblem};
 
-/// When the inertia of a body comes from its geoms.
+/// The bodies whose inertia comes from their geoms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FromGeoms {
     Never,

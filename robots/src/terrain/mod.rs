@@ -130,7 +130,7 @@ pub enum TerrainError {
         key: String,
         /// The file.
         file: String,
-        /// What was found, and what was expected.
+        /// The value found, and the values expected.
         problem: String,
     },
     /// More heights than fit.

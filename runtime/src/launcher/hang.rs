@@ -13,6 +13,14 @@ use crate::units::TimeSpan;
 /// Silence after which a launcher or a guard counts as stopped, ns.
 pub(super) const SILENCE_NS: u64 = 1_000_000_000;
 
+/// The first word of every hang as text.
+const HUNG: &str = "hung:";
+
+/// True of the text of a hang.
+pub(super) fn is_hang(reason: &str) -> bool {
+    reason.starts_with(HUNG)
+}
+
 /// A hang as text.
 pub(super) fn describe(plan: &Plan, region: &Region, index: usize, hang: Hang) -> String {
     let block = &region.components()[index];
@@ -29,7 +37,7 @@ pub(super) fn describe(plan: &Plan, region: &Region, index: usize, hang: Hang) -
         Some('D') => ": it waits for a device",
         _ => "",
     };
-    format!("hung: {what} (`hang_after` is {hang_after}){doing}")
+    format!("{HUNG} {what} (`hang_after` is {hang_after}){doing}")
 }
 
 impl Launch {

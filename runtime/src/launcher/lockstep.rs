@@ -80,7 +80,7 @@ impl Launch {
             let mut stop = (self.region.header().command() == Command::SafeStop)
                 .then(|| super::stop_reason::reason(&self.plan, &self.region));
             rounds -= 1;
-            // The accounts are looked at after the same rounds, whoever begins them.
+            // The accounts are read after the same rounds, by the launcher or by components.
             let look_ns = self.rounds.round_from(self.next_account_ns).saturating_add(1);
             self.region.header().turn.allow_rounds(limit.until_ns.min(look_ns), rounds);
             let mut place = 0;

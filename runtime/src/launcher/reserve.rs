@@ -30,10 +30,12 @@ const SPARE: u64 = 256 * 1024;
 const FILES: u64 = 8;
 /// Processes besides those of components: the guard, and one that frees the places of the dead.
 const PROCESSES: u64 = 2;
-/// Threads that each component in a process of its own takes: two of its own, two of the launcher that pass on its output.
-const THREADS_PER_COMPONENT: u64 = 4;
-/// Descriptors that each component costs the launcher: its process, its output, those of starting it.
-const PER_COMPONENT: u64 = 5;
+/// Threads that each component in a process of its own takes: three of its own, which step, watch and hold a word, and three
+/// of the launcher, of which two pass on its output and one waits for the word.
+const THREADS_PER_COMPONENT: u64 = 6;
+/// Descriptors that each component costs the launcher: its process, the beginning of its end, its output, those of starting
+/// it.
+const PER_COMPONENT: u64 = 6;
 /// Descriptors of each service while it is made and held.
 const PER_SERVICE: u64 = 2;
 /// Descriptors for everything else: signals, the control block, locks, cores, a terminal, cleaning up.

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::event_log::logging;
+use super::hang::is_hang;
 use super::lost_steps::LostSteps;
 use super::restart::History;
 use super::watchdog::Watchdog;
@@ -219,6 +220,8 @@ impl Launch {
             return None;
         }
         let (tick, reason) = match block.failure() {
+            // The kernel keeps a process that crashed while it writes its core: it looks hung, and was not killed for that.
+            Some((tick, message)) if is_hang(&message) && is_crash(&how) => (tick, how),
             Some((tick, message)) if failed => (tick, message),
             _ => (block.steps.load(Relaxed), crate::os::with_shortage(how, self.folder.path())),
         };
@@ -375,5 +378,11 @@ mod tests {
         {
             assert!(!is_crash(other), "{other}");
         }
+    }
+
+    #[test]
+    fn a_crash_whose_core_took_long_to_write_is_told_from_a_hang() {
+        assert!(is_hang("hung: no step for 200 ms (`hang_after` is 200 ms): it waits for a device"));
+        assert!(!is_hang("killed by signal 11 (SIGSEGV)"));
     }
 }

@@ -139,3 +139,78 @@ impl std::os::fd::AsFd for Flag {
         self.0.as_fd()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::process::{Command, Stdio};
+    use std::time::Instant;
+
+    use super::*;
+
+    const ROLE: &str = "MOTORIUM_TEST_HOLDER";
+
+    /// Two words in a file that processes share: the one that is held, and one that is not.
+    fn map(path: &std::path::Path) -> memmap2::MmapRaw {
+        let file = std::fs::File::options().read(true).write(true).open(path).unwrap();
+        memmap2::MmapRaw::map_raw(&file).unwrap()
+    }
+
+    fn word(map: &memmap2::MmapRaw, index: usize) -> &AtomicU32 {
+        // SAFETY: the mapping begins on a page and is longer than both words; an atomic is valid for any bytes.
+        unsafe { &*map.as_ptr().cast::<AtomicU32>().add(index) }
+    }
+
+    fn await_that(what: &str, mut is_so: impl FnMut() -> bool) {
+        let began = Instant::now();
+        while !is_so() {
+            assert!(began.elapsed() < Duration::from_secs(30), "{what}");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    #[test]
+    fn a_word_is_marked_when_the_process_that_holds_it_is_killed_and_not_before() {
+        if let Some(path) = std::env::var_os(ROLE) {
+            // The process that is killed.
+            let map = map(path.as_ref());
+            hold(word(&map, 0)).unwrap();
+            loop {
+                std::thread::sleep(Duration::from_secs(1));
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("words");
+        std::fs::write(&path, [0; 4096]).unwrap();
+        let map = map(&path);
+        let (held, other) = (word(&map, 0), word(&map, 1));
+        for _ in 0..3 {
+            offer(held);
+            let mut child = Command::new(std::env::current_exe().unwrap())
+                .args(["--exact", "os::held_word::tests::a_word_is_marked_when_the_process_that_holds_it_is_killed_and_not_before"])
+                .env(ROLE, &path)
+                .stdout(Stdio::null())
+                .spawn()
+                .unwrap();
+            await_that("the process holds the word", || held.load(Acquire) != 0);
+            std::thread::sleep(Duration::from_millis(20));
+            assert_eq!(held.load(Acquire) & OWNER_DIED, 0, "it lives");
+            assert_eq!(ending_status(child.id()), None);
+            child.kill().unwrap();
+            await_end(held);
+            await_that("it shows its status", || ending_status(child.id()).is_some());
+            child.wait().unwrap();
+            assert_eq!(other.load(Acquire), 0);
+        }
+    }
+
+    #[test]
+    fn a_wait_for_a_holder_that_never_came_ends_when_the_word_is_released() {
+        let held = AtomicU32::new(0);
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| await_end(&held));
+            std::thread::sleep(Duration::from_millis(20));
+            assert!(!waiting.is_finished());
+            release(&held);
+        });
+    }
+}

@@ -1,6 +1,6 @@
 //! Parameters: slow, typed, range-checked values on iceoryx2's blackboard, applied between two steps.
 //!
-//! All parameters of a component are one entry: whoever sets several sets them together, and a reader sees all of them or
+//! All parameters of a component are one entry: a writer of several sets them together, and a reader sees all of them or
 //! none. While nothing changes, a step costs one comparison of a counter.
 
 mod blackboard;

@@ -61,7 +61,7 @@ pub unsafe trait Field: Copy + core::fmt::Debug + 'static {
             let written = part.iter_mut().zip(values.by_ref()).map(|(place, value)| *place = value).count();
             count += written;
             if Self::check_all(&part[..written]).is_err() {
-                // The rest is checked in vain.
+                // The check of the rest finds nothing.
                 let rest = places[count..].iter_mut().zip(values).map(|(place, value)| *place = value);
                 return (count + rest.count(), false);
             }

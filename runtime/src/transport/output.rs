@@ -54,7 +54,7 @@ pub struct Loan<'a, T: StateBuffer> {
     value: NonNull<T>,
     sample: Option<Lent<T>>,
     output: &'a mut Output<T>,
-    /// What was checked while it was written, until anything else is.
+    /// The part that was checked while it was written, until anything else is written.
     checked: Checked,
 }
 

@@ -29,7 +29,7 @@ enum Due {
         phase_ns: u64,
         period_ns: u64,
     },
-    /// When the topic of this index was published.
+    /// After each publication of the topic of this index.
     After(usize),
     /// Never: there are no events in simulated time, and `check` refuses such a graph.
     Never,

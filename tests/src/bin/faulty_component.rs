@@ -35,6 +35,8 @@ enum Fault {
     ConfigureExit,
     /// The step takes more and more memory, until there is none.
     Devour,
+    /// The step opens files until there are no descriptors left.
+    Open,
     /// The step allocates.
     Allocate,
     /// The step sleeps for ever.
@@ -143,6 +145,12 @@ impl Component for Faulty {
                 Fault::Hang => hang(),
                 Fault::Devour => loop {
                     core::mem::forget(vec![1_u8; 1 << 24]);
+                },
+                Fault::Open => loop {
+                    match std::fs::File::open("/dev/null") {
+                        Ok(file) => core::mem::forget(file),
+                        Err(error) => return Err(StepError::failed(error.to_string())),
+                    }
                 },
                 Fault::Loop => loop {
                     core::hint::spin_loop();

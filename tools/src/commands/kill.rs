@@ -31,7 +31,7 @@ pub(crate) struct Kill {
     /// The component
     #[arg(value_name = "COMPONENT", add = crate::complete::components())]
     component: String,
-    /// Signal to send: SIGKILL, SIGTERM, which a component obeys in good order, SIGSTOP or SIGCONT
+    /// Signal to send: SIGKILL, SIGTERM, upon which a component ends in good order, SIGSTOP or SIGCONT
     #[arg(long, value_enum, default_value_t = Choice::Kill)]
     signal: Choice,
     /// Print JSON

@@ -9,7 +9,7 @@ pub(super) struct Wire {
     pub(super) topic: usize,
     /// The component that writes it.
     pub(super) writer: usize,
-    /// Which of the writer's drawn outputs it is.
+    /// Its number among the writer's drawn outputs.
     pub(super) output: usize,
     /// The component that reads it.
     pub(super) reader: usize,

@@ -22,7 +22,7 @@ pub(super) fn program(component: &ComponentPlan) -> String {
     }
 }
 
-/// When a component steps.
+/// The activation of a component, as text.
 pub(super) fn activation(component: &ComponentPlan) -> String {
     match component.activation {
         Activation::Periodic { period_ns, phase_ns: 0 } => format!("every {}", rate_and_period(period_ns)),

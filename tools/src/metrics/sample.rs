@@ -13,7 +13,7 @@ use crate::runs::LivingRun;
 /// All that is known of a running graph at one moment. Everything counts from the beginning of the run.
 #[derive(Debug, Clone)]
 pub(crate) struct Sample {
-    /// When it was taken, on `CLOCK_MONOTONIC`, ns.
+    /// Time at which it was taken, on `CLOCK_MONOTONIC`, ns.
     pub(crate) taken_ns: u64,
     /// Time since the start on the run's clock, ns; 0 before it.
     pub(crate) elapsed_ns: u64,

@@ -13,7 +13,7 @@ use super::request::{self, LONGEST, Request, Status};
 use crate::runs::LivingRun;
 
 /// A client that takes longer to ask, or stands still for longer while it is answered, is left alone.
-const PATIENCE: Duration = Duration::from_secs(2);
+const TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Metrics cannot be served.
 #[derive(Debug, thiserror::Error)]
@@ -77,7 +77,7 @@ impl Server {
 }
 
 fn answer(mut client: TcpStream, exposition: &Exposition) -> io::Result<()> {
-    client.set_write_timeout(Some(PATIENCE))?;
+    client.set_write_timeout(Some(TIMEOUT))?;
     let plain = "text/plain; charset=utf-8";
     let (head, body) = match listen(&mut client)? {
         asked @ (Request::Metrics | Request::Head) => {
@@ -97,7 +97,7 @@ fn answer(mut client: TcpStream, exposition: &Exposition) -> io::Result<()> {
 
 /// The request of a client that asks in time.
 fn listen(client: &mut TcpStream) -> io::Result<Request> {
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + TIMEOUT;
     let mut bytes = Vec::new();
     loop {
         let left = end.checked_duration_since(Instant::now()).filter(|left| !left.is_zero());

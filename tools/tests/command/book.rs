@@ -359,11 +359,23 @@ fn every_row_of_the_tables_of_faults_names_a_test_that_exists() {
         .map(|entry| read(entry.path()))
         .collect();
     let page = read("docs/src/faults.md");
+    let (signals, rest) = page.split_once("\n## A component\n").expect("it has the section");
     let rows: Vec<&str> =
-        page.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| fault |")).collect();
+        rest.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| fault |")).collect();
     assert!(rows.len() > 30, "{} rows", rows.len());
     for row in rows {
         let named = row.trim_end_matches(" |").rsplit("| ").next().unwrap_or_default().trim_matches('`');
         assert!(sources.contains(&format!("#[test]\nfn {named}()")), "no test is named `{named}`:\n{row}");
     }
+    // The outcomes themselves are compared by `.ci/run`.
+    let cells = |line: &str| line.split('|').map(|cell| cell.trim().to_string()).collect::<Vec<_>>();
+    let matrix: Vec<_> = signals.lines().filter(|line| line.starts_with("| ")).map(cells).collect();
+    let head =
+        ["", "fault", "physics", "encoder", "policy", "controller", "launcher", "guard", "observer", ""];
+    assert_eq!(matrix[0], head);
+    let faults: Vec<&str> = matrix[2..].iter().map(|row| row[1].as_str()).collect();
+    assert_eq!(faults, motorium_benches::kill::Fault::ALL.map(motorium_benches::kill::Fault::name));
+    let outcome =
+        |cell: &String| ["goes on", "safe state", "no actuator"].iter().any(|o| cell.starts_with(o));
+    assert!(matrix[2..].iter().all(|row| row[2..9].iter().all(outcome)), "{matrix:?}");
 }

@@ -56,7 +56,7 @@ fn waiting_counts_for_the_one_that_waits_and_not_as_load_of_the_core() {
     // has not may both come within one of the second: 50 + 2 * 10.
     assert_eq!(with_waits(&[(10, 50, 100), (50, 0, 100)]), [Some(60), Some(70)]);
     assert_eq!(of(&[(60, 100), (50, 100)])[1], None);
-    // whoever is delayed while it waits is not in time, however little work it has
+    // a task that is delayed while it waits is not in time, however little work it has
     assert_eq!(with_waits(&[(50, 0, 100), (10, 50, 100)]), [Some(50), None]);
 }
 

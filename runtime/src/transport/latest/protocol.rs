@@ -9,7 +9,7 @@
 //!   it still is; the writer takes the mark off a slot before it asks who has pinned it.
 //!
 //! With as many slots as pins and two more the writer always finds one. A reader that dies leaves one slot pinned, until
-//! whoever takes its place pins another; a writer that dies leaves the last announced value, and a slot without a mark.
+//! its successor pins another; a writer that dies leaves the last announced value, and a slot without a mark.
 
 use core::fmt::Debug;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
@@ -56,7 +56,7 @@ impl Newest {
 pub(crate) struct Head<A: Atomics> {
     /// The newest publication ([`Newest`]). Its low half is the futex on which waiters sleep.
     pub(crate) newest: A::U64,
-    /// When the two newest publications were made, by the lowest bit of their number, ns.
+    /// Times of the two newest publications, by the lowest bit of their number, ns.
     pub(crate) times: [A::U64; 2],
     /// Number of readers that sleep. One that is killed asleep stays counted: it costs a system call per
     /// publication, no more.
@@ -219,7 +219,7 @@ fn is_pinned<A: Atomics>(pins: &[Pin<A>], slot: usize, ordering: std::sync::atom
 #[inline]
 pub(crate) fn announce<A: Atomics>(head: &Head<A>, newest: Newest, time_ns: u64) {
     head.times[(newest.number() % 2) as usize].store(time_ns, A::at(Site::Time, Release));
-    // In one go with reading what an interrupt left there: whoever sees the publication then sees what the interrupt is
+    // In one exchange with what an interrupt left there: a reader that sees the publication then sees what the interrupt is
     // about.
     head.newest.swap(newest.0, A::at(Site::Publish, Release));
 }

@@ -48,6 +48,9 @@ pub(crate) struct Kill {
     /// Print the table as Markdown
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
+    /// Print the outcome of each fault in each process as Markdown, as in the book; the table then goes to standard error
+    #[arg(long, conflicts_with_all = ["json", "markdown"])]
+    matrix: bool,
 }
 
 impl Kill {
@@ -98,7 +101,10 @@ impl Kill {
             errln!("");
         }
         let table = if self.markdown { markdown(&summary) } else { table(&summary) };
-        if self.json {
+        if self.matrix {
+            err!("{table}");
+            out!("{}", matrix(&settings, &summary));
+        } else if self.json {
             err!("{table}");
             out!("{}\n", serde_json::to_string(&summary)?);
         } else {
@@ -141,8 +147,27 @@ fn table(summary: &Summary) -> String {
     format!("{table}\n{}", closing(summary))
 }
 
+fn row(cells: &[String]) -> String {
+    format!("| {} |\n", cells.join(" | "))
+}
+
+/// A row for each fault, a column for each process: what the robot does, and how the process goes on.
+fn matrix(settings: &Settings, summary: &Summary) -> String {
+    let head: Vec<String> =
+        ["fault".to_string()].into_iter().chain(settings.victims.iter().map(ToString::to_string)).collect();
+    let rule: Vec<String> = head.iter().map(|_| "---".to_string()).collect();
+    let outcome = |victim: &Victim, fault: Fault| {
+        let cell = summary.cells.iter().find(|cell| cell.victim == *victim && cell.fault == fault);
+        cell.and_then(|cell| cell.outcome).map_or("not seen".to_string(), |outcome| outcome.to_string())
+    };
+    let of_fault = |fault: &Fault| {
+        let cells = settings.victims.iter().map(|victim| outcome(victim, *fault));
+        row(&[fault.to_string()].into_iter().chain(cells).collect::<Vec<_>>())
+    };
+    row(&head) + &row(&rule) + &settings.faults.iter().map(of_fault).collect::<String>()
+}
+
 fn markdown(summary: &Summary) -> String {
-    let row = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let mut text = row(&COLUMNS.map(str::to_string)) + &row(&COLUMNS.map(|_| "---".to_string()));
     summary.cells.iter().for_each(|cell| text += &row(&cells(cell)));
     text + "\n" + &closing(summary)

@@ -10,7 +10,7 @@ use crate::style;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Verdict {
-    /// As it should be.
+    /// Fit.
     Pass,
     /// Graphs run, but less well than they could.
     Warn,

@@ -14,7 +14,7 @@ const WIDTH: usize = 100;
 
 /// The `config` table of an example.
 pub(super) struct ExampleConfig {
-    /// As it is written.
+    /// Text of the table.
     text: String,
     /// As a component reads it.
     pub(super) value: Json,

@@ -25,7 +25,7 @@ pub(super) struct Sheet {
     /// The robot with which it declared ports and parameters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) robot: Option<String>,
-    /// Why it declares nothing with the configuration of the example.
+    /// Reason for which it declares nothing with the configuration of the example.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) refused: Option<String>,
     /// It applies commands to a robot.

@@ -30,7 +30,7 @@ struct Part {
     steps: u64,
 }
 
-/// What has been done, for a run that goes on with it.
+/// Progress so far, for a run that goes on with it.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Progress {
     /// Options and data that the figures depend on.

@@ -16,7 +16,7 @@ use crate::runs::LivingRun;
 /// Interval between two checks that the run is not over.
 const LIFE_CHECK: Duration = Duration::from_millis(100);
 /// Time without a sample after which possible reasons are printed.
-const PATIENCE: Duration = Duration::from_secs(2);
+const TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Reason for the end of following a topic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,7 +80,7 @@ impl<'a> Watch<'a> {
                 if self.run.has_ended() {
                     return Ok(End::RunOver);
                 }
-                if silent && now - begin >= PATIENCE {
+                if silent && now - begin >= TIMEOUT {
                     silent = false;
                     self.explain_silence();
                 }

@@ -23,7 +23,7 @@ pub(super) fn rise(
         let others = (0..classes.len()).filter_map(base).filter(|other| *other > priority);
         others.min().map_or(HIGHEST_PRIORITY, |next| next - 1).saturating_sub(priority)
     };
-    // Whoever wakes others on another core does so as soon as it publishes: its step would be cut in two there.
+    // A component that wakes others on another core does so as soon as it publishes: its step would be cut in two there.
     let hands_over_here = |writer: usize| {
         let triggered = (0..classes.len()).filter(|reader| triggered_by[*reader] == Some(writer));
         cores[writer].is_some() && triggered.clone().all(|reader| cores[reader] == cores[writer])

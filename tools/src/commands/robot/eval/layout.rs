@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Entry {
     pub(super) name: String,
-    /// Which of the model's independent joints it is; `None` for the floating base.
+    /// Its number among the model's independent joints; `None` for the floating base.
     pub(super) joint: Option<usize>,
     pub(super) idx_q: usize,
     /// 7 for the base, 2 (cosine, sine) for a continuous joint, else 1.
