@@ -3,8 +3,10 @@
 mod adapter;
 mod bits;
 mod bus;
+mod calibrate;
 mod cia402;
 mod components;
+mod currents;
 mod damiao;
 mod database;
 mod drives;
