@@ -160,6 +160,8 @@ impl DriveEntry {
         let ranges = self.ranges.ranges();
         let torque =
             self.current_limit.zip(self.torque_per_current()).map(|(limit, constant)| limit * constant);
+        // one that cannot be is refused as such
+        let torque = torque.filter(|torque| *torque > 0.0);
         let most = torque.map_or(ranges.torque.max, |torque| torque.min(ranges.torque.max));
         mit::Ranges { torque: Range::symmetric(most), ..ranges }
     }
