@@ -19,6 +19,7 @@ mod odrive;
 mod offered;
 mod protocols;
 mod random;
+mod real_time;
 mod servo;
 mod servo_line;
 mod slcan;
