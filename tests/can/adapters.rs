@@ -36,12 +36,12 @@ const ARM: &str = r#"
 extends = "arm-can.toml"
 remove  = ["component.physics", "component.drives", "latency"]
 name    = "slcan"
-latency = [{ from = "panda/joint_state", to = "panda/joint_command", max = "4 ms" }]
+latency = [{ from = "panda/joint_state", to = "panda/joint_command", max = "7 ms" }]
 safety.stale_after = "12 ms"
 
 [component.adapter]
 rate   = "200 Hz"
-config = { drives = "drives/slcan.toml", answer_within = "4 ms" }
+config = { drives = "drives/slcan.toml" }
 "#;
 
 /// The results of the arm and of the desk in a row; `None` if it was not run.

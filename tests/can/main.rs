@@ -213,6 +213,33 @@ fn a_drive_that_lost_its_power_stays_disabled() {
 }
 
 #[test]
+fn one_resume_releases_an_adapter_that_has_tripped_and_the_arm_follows_again() {
+    let Some(row) = row("resumed") else { return };
+    let results = row.results();
+    let adapter = &results["adapter"];
+    assert_eq!(
+        (number(&adapter["joints"]["panda_joint4"]["lost"]), &adapter["tripped"]),
+        (1, &Value::from(false)),
+        "{row:?}"
+    );
+    assert!(row.errors.contains("follows its commands again"), "{}", row.errors);
+    let adapter = adapter["joints"].as_object().expect("joints");
+    assert!(adapter.values().all(|joint| joint["phase"] == "enabled"), "{results}");
+}
+
+#[test]
+fn a_command_is_on_the_bus_a_tenth_of_a_millisecond_after_it_is_published() {
+    for name in ["duplicate", "twelve"] {
+        let Some(row) = row(name) else { return };
+        let adapter = &row.results()["adapter"];
+        let times = &adapter["command_to_frame_us"];
+        // of nearly every cycle in which the drives follow, in virtual time
+        assert!(number(&times["count"]) + 60 > number(&adapter["cycles"]), "{name}: {adapter}");
+        assert!(times["p99"].as_f64().is_some_and(|p99| p99 < 100.0), "{name}: {times}");
+    }
+}
+
+#[test]
 fn a_babbling_node_is_counted_and_the_drives_still_answer() {
     let Some(row) = row("babbling") else { return };
     let adapter = &row.results()["adapter"];

@@ -84,7 +84,7 @@ rate      = "1 kHz"
 budget    = "100 us"
 subscribe = { joint_command = "joint_command" }
 publish   = { joint_state = "joint_state" }
-config    = { drives = "drives/twelve.toml", answer_within = "700 us" }
+config    = { drives = "drives/twelve.toml", command_within = "200 us" }
 
 [component.policy]
 kind      = "policy.trajectory"

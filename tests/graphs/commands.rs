@@ -31,8 +31,12 @@ fn physics(ended: &Ended) -> &ComponentReport {
 }
 
 pub(crate) fn gate(run: &Run) -> GateReport {
+    gate_of(run, "physics")
+}
+
+pub(crate) fn gate_of(run: &Run, component: &str) -> GateReport {
     let plan = run.folder.plan().expect("the run has a plan");
-    let index = plan.components.iter().position(|c| c.name == "physics").expect("there is physics");
+    let index = plan.components.iter().position(|c| c.name == component).expect("there is such a component");
     run.folder.region().expect("the run has a region").components()[index]
         .gate
         .report()

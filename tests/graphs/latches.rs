@@ -1,14 +1,14 @@
 //! The latches of the command gate between processes: stops, emergency stops, and their release.
 
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use motorium::launcher::Exit;
 use motorium::region::{GateState, Latch};
 use rustix::process::Signal;
 
-use crate::commands::{ROGUE, await_gate, gate, motorium, rogue};
-use crate::support::{Ended, Run, machine, panda_reach, signal};
+use crate::commands::{ROGUE, await_gate, gate, gate_of, motorium, rogue};
+use crate::support::{Ended, Run, machine, panda_reach, signal, workspace};
 
 #[test]
 fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
@@ -74,6 +74,36 @@ fn under_latch_an_outage_keeps_the_robot_in_its_safe_state_until_resume() {
     let (code, _) = motorium(&run, &["stop"]);
     assert_eq!(code, Some(0));
     is_told_stopped_and_resumed(&run.finish(), "since `physics` entered its safe state");
+}
+
+#[test]
+fn an_adapter_that_a_drive_has_tripped_is_latched_until_one_resume() {
+    let _machine = machine();
+    let fault = r#"component.drives.config.faults=[{ at = "1 s", kind = "off", lasts = "50 ms", joint = "panda_joint4" }]"#;
+    let graph = workspace().join("graphs/panda-can-sim.toml");
+    // in lockstep: no stall of the machine is taken for an outage
+    let run = Run::start(&graph, &["--for", "3600 s", "--set", fault, "--no-expect"]);
+    let await_latch = |latch: Option<Latch>, state: GateState| {
+        let started = Instant::now();
+        while (gate_of(&run, "adapter").latch, gate_of(&run, "adapter").state) != (latch, state) {
+            assert!(started.elapsed() < Duration::from_secs(60), "{:?}", gate_of(&run, "adapter"));
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    };
+    await_latch(Some(Latch::SafeState), GateState::Safe);
+    std::thread::sleep(Duration::from_millis(500));
+    await_latch(Some(Latch::SafeState), GateState::Safe);
+    let (code, text) = motorium(&run, &["resume"]);
+    assert!(code == Some(0) && text.contains("follows its commands again"), "{text}");
+    await_latch(None, GateState::Following);
+    assert_eq!(motorium(&run, &["stop"]).0, Some(0));
+    let ended = run.finish();
+    let adapter = &ended.report().results["adapter"];
+    assert_eq!(
+        (&adapter["tripped"], &adapter["joints"]["panda_joint4"]["lost"]),
+        (&false.into(), &1.into()),
+        "{adapter}"
+    );
 }
 
 #[test]

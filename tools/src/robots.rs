@@ -17,6 +17,26 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
     source.load()
 }
 
+/// The positions of the joints in a pose that the robot's profile names, or its SRDF.
+pub(crate) fn pose(robot: &Loaded, name: &str) -> anyhow::Result<Vec<f64>> {
+    let profile = robot.profile.as_ref();
+    if let Some(profile) = profile.filter(|profile| profile.poses.contains_key(name)) {
+        return Ok(profile.pose(&robot.model, name)?.as_slice().to_vec());
+    }
+    if let Some(posture) = robot.postures.iter().find(|posture| posture.name == name) {
+        return Ok(posture.joints.as_slice().to_vec());
+    }
+    let of_profile = profile.into_iter().flat_map(|profile| profile.poses.keys().cloned());
+    let all: Vec<String> =
+        of_profile.chain(robot.postures.iter().map(|posture| posture.name.clone())).collect();
+    match all.is_empty() {
+        true => anyhow::bail!(
+            "the robot has no poses: write a profile beside its file (`motorium robot profile`)"
+        ),
+        false => anyhow::bail!("the robot has no pose `{name}`; it has {}", all.join(", ")),
+    }
+}
+
 /// The names of the joints to which the arrays of a topic belong: those of the robot of its writer, else of a reader, then its
 /// rotors. `None` where neither has one, or its file is no longer what it was.
 pub(crate) fn joints_of_topic(plan: &Plan, index: usize) -> Option<Vec<String>> {

@@ -10,6 +10,7 @@
 
 pub mod adapter;
 pub mod bus;
+mod calibrate;
 mod component;
 mod database;
 pub mod drives;
@@ -30,6 +31,7 @@ pub use bus::simulated::SimulatedBus;
 pub use bus::slcan::{Attached, SlcanBus, adapter_version};
 pub use bus::socket::{Condition, Interface, OpenError, SocketBus, SocketCounts};
 pub use bus::{Bus, Received};
+pub use calibrate::{Calibrated, CalibrationError, calibrate};
 pub use component::{
     CanAdapter, CanAdapterConfig, DriveSimulation, DriveSimulationConfig, JointHealth, kinds,
 };

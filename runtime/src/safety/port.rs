@@ -60,6 +60,8 @@ pub struct CommandGate {
     armed: bool,
     /// Number of `motorium resume` that this gate has seen.
     resumes: u32,
+    /// The actuator has tripped by itself, until the next resume.
+    tripped: bool,
     /// The command offered last: publisher, number and the time its state is for.
     offered: Option<Stamp>,
     period_ns: u64,
@@ -127,6 +129,7 @@ impl Setup {
             emergency_stop,
             armed: false,
             resumes: context.region().header().resumes(),
+            tripped: false,
             offered: None,
             period_ns: self.period().as_nanos().max(1) as u64,
             stepped_ns: 0,
@@ -156,11 +159,17 @@ impl CommandGate {
         self.resumes
     }
 
+    /// Keeps the safe state until `motorium resume`, for a reason of the actuator's own, such as a drive that reported a fault. The
+    /// run shows it as latched.
+    pub fn trip(&mut self) {
+        self.tripped = true;
+    }
+
     /// Goes back to the state in which it was made, for a new episode. The account of the run goes on.
     pub fn reset(&mut self) {
         self.gate.reset();
         self.freshness.reset();
-        self.armed = false;
+        (self.armed, self.tripped) = (false, false);
         self.group.reset(self.place);
         self.context.block().gate.begin_episode();
         (self.offered, self.stepped_ns, self.checked_ns, self.shown) = (None, 0, 0, None);
@@ -179,7 +188,7 @@ impl CommandGate {
         let step_ns = self.context.clock().step_ns();
         let is_first = core::mem::replace(&mut self.checked_ns, step_ns) != step_ns;
         let latch = self.latch();
-        let held = stopping || latch.is_some();
+        let held = stopping || latch.is_some() || self.tripped;
         let verdict = if held { self.gate.make_safe(measured, dt) } else { self.offer(input, measured, dt) };
         match verdict {
             Verdict::Applied | Verdict::Resuming => self.armed = true,
@@ -275,7 +284,7 @@ impl CommandGate {
         }
         let resumes = header.resumes();
         if resumes != self.resumes {
-            self.resumes = resumes;
+            (self.resumes, self.tripped) = (resumes, false);
             self.gate.release();
         }
         header.latched()
@@ -286,7 +295,7 @@ impl CommandGate {
     fn show(&mut self, latch: Option<Latch>, verdict: Verdict) {
         let safe = matches!(verdict, Verdict::Safe { .. });
         let state = if safe { GateState::Safe } else { self.gate.state() };
-        let latch = latch.or(self.gate.is_latched().then_some(Latch::SafeState));
+        let latch = latch.or((self.gate.is_latched() || self.tripped).then_some(Latch::SafeState));
         let show = Some((state, latch));
         if self.shown == show {
             return;

@@ -1,6 +1,7 @@
 //! The reading side of a topic.
 
 use std::rc::Rc;
+use std::time::Duration;
 
 use super::latest::{StateReader, TopicMemory};
 use super::reading::Effects;
@@ -139,6 +140,41 @@ impl<T: StateBuffer> Input<T> {
             Source::Stream { seen, .. } => *seen,
         };
         newest != seen
+    }
+
+    /// Waits until the topic has been published after the last read of this input, for at most `longest`; true if it has. It may
+    /// return early, when the launcher has a command for this component or a signal arrives.
+    ///
+    /// For a step whose own publication is answered by another component, such as a bus whose state a controller turns into a
+    /// command: those that the step has triggered so far are woken first, and this component sleeps and leaves its core to them. It
+    /// declares the longest wait by [`Declare::waits`](crate::declare::Declare::waits). In lockstep one component steps at a time:
+    /// there it never waits.
+    ///
+    /// ```
+    /// # use motorium::prelude::*;
+    /// # use std::time::Duration;
+    /// fn newest_command(command: &mut Input<JointCommand>) -> Option<f64> {
+    ///     command.wait(Duration::from_micros(200)); // without one, the one before
+    ///     Some(command.latest()?.effort()[0])
+    /// }
+    /// ```
+    pub fn wait(&self, longest: Duration) -> bool {
+        let memory = match &self.source {
+            Source::Unwired => return false,
+            Source::State(state) => state.memory(),
+            Source::Stream { memory, .. } => memory,
+        };
+        let context = self.effects.context();
+        if context.clock().is_lockstep() {
+            return self.has_news();
+        }
+        context.deferred().wake();
+        let seen = memory.newest();
+        if !self.has_news() {
+            let longest_ns = u64::try_from(longest.as_nanos()).unwrap_or(u64::MAX);
+            memory.sleep(seen, Some(context.clock().now_ns().saturating_add(longest_ns)));
+        }
+        self.has_news()
     }
 
     /// The newest value, if anything was ever published. Reading a stream this way skips the values before.

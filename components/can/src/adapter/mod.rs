@@ -76,6 +76,8 @@ pub struct Adapter {
     common: Vec<Option<CommonAnswer>>,
     on_trip: OnTrip,
     tripped: bool,
+    /// No drive is ever enabled.
+    is_observer: bool,
     cycles: u64,
     stray: u64,
     enabled_in: Option<u64>,
@@ -88,7 +90,23 @@ impl Adapter {
         let links =
             order.iter().zip(damping).map(|(index, damping)| Link::new(table, *index, *damping)).collect();
         let common = table.buses.iter().map(|bus| bus.fast_read.then(CommonAnswer::default)).collect();
-        Self { links, common, on_trip, tripped: false, cycles: 0, stray: 0, enabled_in: None, wrong: None }
+        Self {
+            links,
+            common,
+            on_trip,
+            tripped: false,
+            is_observer: false,
+            cycles: 0,
+            stray: 0,
+            enabled_in: None,
+            wrong: None,
+        }
+    }
+
+    /// The same, but no drive is ever enabled: they are checked, and tell where they stand.
+    #[must_use]
+    pub fn observer(self) -> Self {
+        Self { is_observer: true, ..self }
     }
 
     /// The drives, in the order of the joints.
@@ -202,7 +220,7 @@ impl Adapter {
             Phase::Enabling | Phase::Enabled => true,
             Phase::Checking(_) | Phase::Fault => false,
         };
-        if !self.tripped && self.links.iter().all(ready) {
+        if !self.tripped && !self.is_observer && self.links.iter().all(ready) {
             for link in self.links.iter_mut().filter(|link| link.phase == Phase::Disabled) {
                 link.phase = Phase::Enabling;
             }

@@ -31,6 +31,14 @@ pub enum WrongSetting {
         /// That of the table.
         expected: f64,
     },
+    /// The rated current, of which currents are thousandths, A.
+    #[error("its rated current is {found} A, the table says {expected}")]
+    RatedCurrent {
+        /// That of the drive.
+        found: f64,
+        /// That of the table.
+        expected: f64,
+    },
     /// The operating mode of a servo.
     #[error("its operating mode is {found}, expected {expected}, that of positions")]
     OperatingMode {

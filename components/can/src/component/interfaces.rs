@@ -32,18 +32,14 @@ pub(super) fn are_real(table: &Table, clock: ClockKind) -> Result<bool, ConfigEr
 pub(super) fn open(table: &Table) -> Result<Vec<RealBus>, ConfigError> {
     let open = |(index, bus): (usize, &crate::BusEntry)| {
         let interface = bus.interface.as_deref().unwrap_or(&bus.name);
-        let open = || match bus.kind {
-            BusKind::Can => RealBus::open(interface, &table.rates(index), bus.data_bitrate.is_some()),
-            BusKind::Serial => RealBus::open_servos(interface, bus.bitrate),
-        };
-        let mut opened = open();
+        let mut opened = table.open(index);
         let until = Instant::now() + START;
         while Place::of(interface).is_some()
             && matches!(opened, Err(OpenError::NotOffered(_) | OpenError::NoLine(_)))
             && Instant::now() < until
         {
             std::thread::sleep(Duration::from_millis(10));
-            opened = open();
+            opened = table.open(index);
         }
         opened.map_err(|error| {
             ConfigError::key("drives", format!("bus `{}`: {error}", bus.name)).advise(error.advice())

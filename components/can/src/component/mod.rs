@@ -112,10 +112,8 @@ fn load(robot: Option<&RobotReference>, folder: &Path, source: &Source<'_>) -> R
     };
     let robot = place.load().map_err(|error| ConfigError::new(error.to_string()))?;
     let joints = robot.model.joint_count();
-    if robot.model.base().floating || joints == 0 || joints > MAX_JOINTS {
-        let message =
-            format!("a robot with {joints} joints, expected a fixed base and 1 to {MAX_JOINTS} joints");
-        return Err(ConfigError::new(message));
+    if joints == 0 || joints > MAX_JOINTS {
+        return Err(ConfigError::new(format!("a robot with {joints} joints, expected 1 to {MAX_JOINTS}")));
     }
     let table = source.table(folder)?;
     let order = table.of_joints(robot.model.joint_names()).map_err(|error| refused(&error, source.file))?;

@@ -118,6 +118,13 @@ pub enum Instruction {
     },
     /// Torque of the motor, N m.
     Torque(f64),
+    /// The limits of its own loops.
+    Limits {
+        /// Velocity, rad/s.
+        velocity: f64,
+        /// Current of the motor, A.
+        current: f64,
+    },
     /// Clears the errors.
     ClearErrors,
 }
@@ -163,6 +170,7 @@ const SET_MODES: u16 = 0x0b;
 const SET_POSITION: u16 = 0x0c;
 const SET_VELOCITY: u16 = 0x0d;
 const SET_TORQUE: u16 = 0x0e;
+const SET_LIMITS: u16 = 0x0f;
 const SUPPLY: u16 = 0x17;
 const CLEAR_ERRORS: u16 = 0x18;
 const TORQUES: u16 = 0x1c;
@@ -215,6 +223,9 @@ impl Node {
                 make(SET_VELOCITY, &words(turns(velocity), (torque as f32).to_le_bytes()))
             }
             Instruction::Torque(torque) => make(SET_TORQUE, &(torque as f32).to_le_bytes()),
+            Instruction::Limits { velocity, current } => {
+                make(SET_LIMITS, &words(turns(velocity), (current as f32).to_le_bytes()))
+            }
             Instruction::ClearErrors => make(CLEAR_ERRORS, &[]),
         }
     }
@@ -262,6 +273,13 @@ impl Node {
                 Instruction::Velocity {
                     velocity: finite(velocity, "the velocity")? * TAU,
                     torque: finite(torque, "the torque")?,
+                }
+            }
+            SET_LIMITS => {
+                let (velocity, current) = halves(data)?;
+                Instruction::Limits {
+                    velocity: finite(velocity, "the largest velocity")? * TAU,
+                    current: finite(current, "the largest current")?,
                 }
             }
             SET_TORQUE => Instruction::Torque(finite(*length(data)?, "the torque")?),

@@ -19,7 +19,8 @@ const READ_ONLY: u32 = 0x0601_0002;
 const NO_HEARTBEAT: u16 = 0x8130;
 const TOO_HOT: u16 = 0x4310;
 /// Objects beside those of the mappings.
-const OBJECTS: [Object; 5] = [
+const OBJECTS: [Object; 6] = [
+    Object::MAX_CURRENT,
     Object::HEARTBEAT_CONSUMER,
     Object::HEARTBEAT_PRODUCER,
     Object::MODE,
@@ -33,6 +34,7 @@ pub struct Cia402 {
     node: Node,
     increments: f64,
     rated_torque: f64,
+    rated_current: f64,
     gains: LoopEntry,
     network: NetworkState,
     state: DriveState,
@@ -80,6 +82,7 @@ impl Cia402 {
             node,
             increments: entry.increments.unwrap_or(1.0),
             rated_torque: overrides.torque.or(entry.rated_torque).unwrap_or(1.0),
+            rated_current: entry.rated_current.unwrap_or(1.0),
             gains: table.position_loop(index),
             network: NetworkState::PreOperational,
             state: DriveState::SwitchOnDisabled,
@@ -92,7 +95,7 @@ impl Cia402 {
             setpoint: Setpoint { controlword: 0, target: 0 },
             boots: true,
             emergency: None,
-            motor: Motor::new(table.ranges(index).torque.max),
+            motor: Motor::new(entry.ranges.torque),
             watchdog_trips: 0,
         }
     }
@@ -166,8 +169,11 @@ impl Cia402 {
     fn serve(&mut self, service: &Service) -> Frame {
         let result = match *service {
             Service::Read(Object::RATED_TORQUE) => Ok(Value::long((self.rated_torque * 1e3 + 0.5) as u32)),
+            Service::Read(Object::RATED_CURRENT) => Ok(Value::long((self.rated_current * 1e3 + 0.5) as u32)),
             Service::Read(object) => self.get(object).ok_or(NO_OBJECT),
-            Service::Write(Object::RATED_TORQUE | Object::STATUSWORD, _) => Err(READ_ONLY),
+            Service::Write(Object::RATED_TORQUE | Object::RATED_CURRENT | Object::STATUSWORD, _) => {
+                Err(READ_ONLY)
+            }
             Service::Write(object, _) if self.is_fixed(object) => Err(READ_ONLY),
             Service::Write(object, value) => self.put(object, value).map(|()| value),
         };
@@ -191,6 +197,9 @@ impl Cia402 {
             }
             let after_ns = u64::from(value.number() & 0xffff) * 1_000_000;
             self.watchdog.after_ns = Some(after_ns).filter(|ns| *ns > 0);
+        }
+        if object == Object::MAX_CURRENT {
+            self.motor.limit(f64::from(value.number()) * 1e-3 * self.rated_torque);
         }
         let place = self.dictionary.iter_mut().find(|(known, _)| *known == object).ok_or(NO_OBJECT)?;
         place.1 = value;

@@ -179,6 +179,8 @@ impl AnySimulatedDrive {
 struct Motor {
     /// N m.
     largest: f64,
+    /// The same as it is set, N m.
+    limit: f64,
     stepped_ns: u64,
     position: f64,
     velocity: f64,
@@ -198,7 +200,15 @@ const TOO_HOT: f64 = 100.0;
 impl Motor {
     fn new(largest: f64) -> Self {
         let temperature = SURROUNDINGS;
-        Self { largest, stepped_ns: 0, position: 0.0, velocity: 0.0, torque: 0.0, temperature }
+        Self {
+            largest,
+            limit: largest,
+            stepped_ns: 0,
+            position: 0.0,
+            velocity: 0.0,
+            torque: 0.0,
+            temperature,
+        }
     }
 
     /// Its shaft is at this position \[rad\] and velocity \[rad/s\] now.
@@ -210,13 +220,18 @@ impl Motor {
         self.temperature += (goal - self.temperature) * (dt / WARM_UP).min(1.0);
     }
 
+    /// Sets the largest torque, as far as it reaches, N m.
+    fn limit(&mut self, torque: f64) {
+        self.limit = torque.clamp(0.0, self.largest);
+    }
+
     fn is_too_hot(&self) -> bool {
         self.temperature > TOO_HOT
     }
 
     /// Gives a torque as far as it reaches, N m; none while it is let go.
     fn give(&mut self, wanted: Option<f64>) -> f64 {
-        self.torque = wanted.map_or(0.0, |torque| torque.clamp(-self.largest, self.largest));
+        self.torque = wanted.map_or(0.0, |torque| torque.clamp(-self.limit, self.limit));
         self.torque
     }
 }

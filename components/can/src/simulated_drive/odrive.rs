@@ -17,6 +17,8 @@ const MOTOR_TOO_HOT: u32 = 0x4_0000;
 #[derive(Clone, Debug)]
 pub struct Odrive {
     node: Node,
+    /// N m/A of the output shaft.
+    torque_constant: f64,
     gains: LoopEntry,
     every_ns: u64,
     control: ControlMode,
@@ -37,6 +39,7 @@ impl Odrive {
         let phase_ns = 37_000 * (1 + u64::from(entry.node));
         Self {
             node: Node::new(entry.node).unwrap_or(Node::FIRST),
+            torque_constant: entry.torque_constant.unwrap_or(1.0),
             gains: table.position_loop(index),
             every_ns: entry.report_every.map_or(10_000_000, |every| every.ns),
             control: ControlMode::Position,
@@ -46,7 +49,7 @@ impl Odrive {
             watchdog: Watchdog::new(watchdog_ns),
             next_report_ns: phase_ns,
             next_heartbeat_ns: phase_ns,
-            motor: Motor::new(table.ranges(index).torque.max),
+            motor: Motor::new(entry.ranges.torque),
             watchdog_trips: 0,
         }
     }
@@ -87,6 +90,7 @@ impl Odrive {
             Instruction::Velocity { velocity, torque } => {
                 (self.setpoint[1], self.setpoint[2]) = (velocity, torque);
             }
+            Instruction::Limits { current, .. } => self.motor.limit(current * self.torque_constant),
             Instruction::Torque(torque) => self.setpoint[2] = torque,
         }
     }

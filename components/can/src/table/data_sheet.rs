@@ -30,7 +30,8 @@ pub(super) fn complete(
     mode(drive, &sheet).map_err(at)?;
     drive.fixed_mappings = fixed(drive, &sheet).map_err(at)?;
     let object = |(index, subindex)| Object { index, subindex };
-    let needed = WRITTEN.iter().copied().map(|object| (object, true));
+    let limits_current = drive.current_limit.map(|_| Object::MAX_CURRENT);
+    let needed = WRITTEN.iter().copied().chain(limits_current).map(|object| (object, true));
     for (needed, is_written) in needed.chain([(Object::RATED_TORQUE, false), (object((0x6040, 0)), false)]) {
         let Some(entry) = sheet.entry(needed) else {
             return Err(at((
@@ -52,8 +53,8 @@ fn words(object: Object) -> String {
     format!("0x{:04X}:{:02X}", object.index, object.subindex)
 }
 
-/// Increments per turn of the output shaft (the feed constant 0x6092, or else the encoder 0x608F and the gear 0x6091), and the
-/// rated torque (0x6076).
+/// Increments per turn of the output shaft (the feed constant 0x6092, or else the encoder 0x608F and the gear 0x6091), the
+/// rated torque (0x6076) and the rated current (0x6075).
 fn scales(drive: &mut DriveEntry, sheet: &Eds) {
     let ratio = |index| {
         let number = |subindex| sheet.value(index, subindex, drive.node).filter(|number| *number > 0);
@@ -62,7 +63,9 @@ fn scales(drive: &mut DriveEntry, sheet: &Eds) {
     let encoder = || Some(ratio(0x608f)? * ratio(0x6091).unwrap_or(1.0));
     let increments = ratio(0x6092).or_else(encoder);
     let torque = sheet.value(0x6076, 0, drive.node).filter(|torque| *torque > 0);
+    let current = sheet.value(0x6075, 0, drive.node).filter(|current| *current > 0);
     drive.increments = drive.increments.or(increments);
+    drive.rated_current = drive.rated_current.or(current.map(|current| current as f64 * 1e-3));
     drive.rated_torque = drive.rated_torque.or(torque.map(|torque| torque as f64 * 1e-3));
 }
 

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::cia402::Mapping;
-use crate::mit;
+use crate::{Range, mit};
 
 /// A bus of a drive table.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
@@ -88,6 +88,14 @@ pub struct DriveEntry {
     /// The rated torque, of which torques are thousandths: object 0x6076, N m. Of CiA 402 only, where it is required unless the
     /// data sheet has it.
     pub rated_torque: Option<f64>,
+    /// The largest current of the motor, A, which the adapter sets in the drive before it enables it: an effort beyond that current
+    /// is clamped. Of ODrive, with `torque_constant`, and of CiA 402 (object 0x6073). Default: as the drive has it.
+    pub current_limit: Option<f64>,
+    /// Torque of the output shaft per current of the motor, N m/A. Of ODrive only, for `current_limit`.
+    pub torque_constant: Option<f64>,
+    /// The rated current, of which currents are thousandths: object 0x6075, A. Of CiA 402 only, for `current_limit`, where it is
+    /// required unless the data sheet has it.
+    pub rated_current: Option<f64>,
     /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table: it tells increments and rated
     /// torque, and the table is checked against its objects, modes, mappings and limits. Of CiA 402 only.
     pub eds: Option<String>,
@@ -138,6 +146,25 @@ pub struct RangeEntry {
     pub kp: Option<f64>,
     /// Largest velocity gain, N m s/rad. Default 5.
     pub kd: Option<f64>,
+}
+
+impl DriveEntry {
+    /// Torque per current, N m/A, if the table tells.
+    fn torque_per_current(&self) -> Option<f64> {
+        let rated = || Some(self.rated_torque? / self.rated_current?);
+        self.torque_constant.or_else(rated)
+    }
+
+    /// Its ranges, with no more torque than its current gives.
+    pub(super) fn limited_ranges(&self) -> mit::Ranges {
+        let ranges = self.ranges.ranges();
+        let torque =
+            self.current_limit.zip(self.torque_per_current()).map(|(limit, constant)| limit * constant);
+        // one that cannot be is refused as such
+        let torque = torque.filter(|torque| *torque > 0.0);
+        let most = torque.map_or(ranges.torque.max, |torque| torque.min(ranges.torque.max));
+        mit::Ranges { torque: Range::symmetric(most), ..ranges }
+    }
 }
 
 impl RangeEntry {

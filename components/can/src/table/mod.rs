@@ -15,6 +15,7 @@ use crate::bus::offered::Place;
 use crate::frame::{Form, Id};
 use crate::mit;
 use crate::servo::{FAST_AROUND, FAST_HEAD};
+use crate::{OpenError, RealBus};
 pub use entries::{BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry};
 
 /// A drive table, as its TOML file has it.
@@ -152,6 +153,28 @@ impl Table {
         self.buses.iter().filter_map(|bus| bus.interface.as_deref()).any(|name| Place::of(name).is_some())
     }
 
+    /// Opens the interface of a bus.
+    ///
+    /// # Errors
+    /// It is missing, down, or has other bitrates.
+    pub fn open(&self, bus: usize) -> Result<RealBus, OpenError> {
+        let entry = &self.buses[bus];
+        let interface = entry.interface.as_deref().unwrap_or(&entry.name);
+        match entry.kind {
+            BusKind::Can => RealBus::open(interface, &self.rates(bus), entry.data_bitrate.is_some()),
+            BusKind::Serial => RealBus::open_servos(interface, entry.bitrate),
+        }
+    }
+
+    /// True if each of its buses tells when a frame was received, however much later it is read: interfaces of the kernel and
+    /// unix sockets, but no serial lines.
+    pub(crate) fn tells_times(&self) -> bool {
+        self.buses.iter().filter_map(|bus| bus.interface.as_deref()).all(|name| match Place::of(name) {
+            Some(place) => matches!(place, Place::Socket(_)),
+            None => !name.starts_with('/'),
+        })
+    }
+
     /// True if one of its simulated buses is that of an adapter on a pseudo-terminal.
     pub(crate) fn has_adapters_on_terminals(&self) -> bool {
         let of_can = self.buses.iter().filter(|bus| bus.kind == BusKind::Can);
@@ -178,9 +201,9 @@ impl Table {
         })
     }
 
-    /// The ranges of a drive's fields, or the largest values that it reaches.
+    /// The ranges of a drive's fields, or the largest values that it reaches within its limits.
     pub fn ranges(&self, index: usize) -> mit::Ranges {
-        self.drives[index].ranges.ranges()
+        self.drives[index].limited_ranges()
     }
 
     /// The gains of a drive's own position loop: those of its entry, or full torque at a twentieth of a radian.

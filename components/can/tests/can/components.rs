@@ -317,6 +317,11 @@ fn what_cannot_be_is_refused_before_anything_runs() {
     assert!(text.contains("do not fit on bus `can0`: 2 x (135 + 135 bits) + 1 x (135 + 115 bits)"), "{text}");
     let text = refused("watchdog", &DRIVES.replacen("\"20 ms\"", "\"0 s\"", 1), "");
     assert!(text.contains("the watchdog of the drive of `joint1` is off"), "{text}");
+    let text = refused("short", &DRIVES.replacen("\"20 ms\"", "\"1 ms\"", 1), "");
+    assert!(
+        text.contains("the drive of `joint1` lets go after 1ms without a command, and one is sent each 1ms"),
+        "{text}"
+    );
     let text = refused("range", &DRIVES.replacen("position = 12.5", "position = 6.0", 1), "");
     assert!(text.contains("the positions of drive `joint1` cover -1.500 to 1.500"), "{text}");
     let text = refused("fault", DRIVES, r#"faults = [{ at = "1 s", kind = "silent", joint = "joint9" }]"#);

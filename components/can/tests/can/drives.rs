@@ -64,7 +64,7 @@ pub(super) struct Rig {
     /// The first drive says nothing.
     pub(super) is_silent: bool,
     pub(super) is_old: bool,
-    torques: [f64; 2],
+    pub(super) torques: [f64; 2],
     /// Position of the shafts, rad.
     shaft: f64,
 }

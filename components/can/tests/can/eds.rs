@@ -86,6 +86,26 @@ fn a_table_takes_increments_and_rated_torque_from_the_data_sheet() {
 }
 
 #[test]
+fn the_rated_current_of_a_data_sheet_serves_a_limit_of_current_whose_object_it_must_have() {
+    let entry = format!("{RANGES}\ncurrent_limit = 2.0");
+    let rated = "\n[6075]\nParameterName=Motor rated current\nObjectType=0x7\nDataType=0x0007\nAccessType=ro\nDefaultValue=4000\n";
+    let largest = |access: &str| {
+        format!(
+            "\n[6073]\nParameterName=Max current\nObjectType=0x7\nDataType=0x0006\nAccessType={access}\nDefaultValue=2000\n"
+        )
+    };
+    let told = table(&entry, &format!("{SHEET}{rated}{}", largest("rw"))).unwrap();
+    assert_eq!((told.drives[0].rated_current, told.ranges(0).torque.max), (Some(4.0), 2.5));
+    let refused = |sheet: &str| table(&entry, sheet).unwrap_err().to_string();
+    let found = refused(&format!("{SHEET}{rated}"));
+    assert!(found.contains("it has no object 0x6073:00"), "{found}");
+    let found = refused(&format!("{SHEET}{rated}{}", largest("ro")));
+    assert!(found.contains("0x6073:00 \"Max current\" cannot be written"), "{found}");
+    let found = refused(&format!("{SHEET}{}", largest("rw")));
+    assert!(found.contains("`current_limit` without `rated_current`"), "{found}");
+}
+
+#[test]
 fn an_entry_that_the_drive_cannot_follow_by_its_data_sheet_is_refused_with_both_values() {
     let refused = |entry: &str, sheet: &str| table(entry, sheet).unwrap_err().to_string();
     let found = refused(RANGES, &SHEET.replace("0x380", "0x300"));

@@ -3,8 +3,10 @@
 mod adapter;
 mod bits;
 mod bus;
+mod calibrate;
 mod cia402;
 mod components;
+mod currents;
 mod damiao;
 mod database;
 mod drives;
@@ -17,6 +19,7 @@ mod odrive;
 mod offered;
 mod protocols;
 mod random;
+mod real_time;
 mod servo;
 mod servo_line;
 mod slcan;

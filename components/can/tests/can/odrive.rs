@@ -26,6 +26,10 @@ fn identifiers_and_fields_stand_where_the_database_has_them() {
     let velocity = Instruction::Velocity { velocity: -0.5 * TAU, torque: 0.25 };
     assert_eq!(text(velocity), "0x06D#000000BF0000803E");
     assert_eq!(text(Instruction::Torque(1.5)), "0x06E#0000C03F");
+    // 2 turns a second are 0x40000000, 10 A 0x41200000
+    let limits = Instruction::Limits { velocity: 2.0 * TAU, current: 10.0 };
+    assert_eq!(text(limits), "0x06F#0000004000002041");
+    assert_eq!(node().instruction(&node().frame(&limits)), Ok(limits));
     assert_eq!(text(Instruction::ClearErrors), "0x078#");
 }
 

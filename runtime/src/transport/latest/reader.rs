@@ -35,6 +35,11 @@ impl StateReader {
         lines.note(self.pin(), Access::Write);
     }
 
+    /// The memory of the topic.
+    pub(crate) fn memory(&self) -> &TopicMemory {
+        &self.memory
+    }
+
     fn pin(&self) -> &Pin<Native> {
         &self.memory.pins()[self.pin]
     }

@@ -1,6 +1,11 @@
 //! States: pinned slots, taps, triggers.
 
+use std::time::Duration;
+
 use super::*;
+
+/// Longer than any wait that ends for another reason.
+const LONG: Duration = Duration::from_secs(60);
 
 #[test]
 fn a_state_topic_gives_the_newest_value_and_a_second_look_gives_it_again() {
@@ -98,6 +103,53 @@ fn a_trigger_is_due_for_what_was_published_before_its_first_wait() {
     // One that was restarted begins with what comes.
     bench.region.components()[1].restarts.store(1, std::sync::atomic::Ordering::Relaxed);
     assert_eq!(bench.participant(1).trigger(bench.topic()).unwrap().first_seen(), 1);
+}
+
+#[test]
+fn an_input_waits_for_the_next_publication_and_no_longer_than_it_may() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let (mut output, mut input) = (bench.output::<Wrench>(), bench.input::<Wrench>());
+    assert!(!input.wait(Duration::from_millis(1)), "nothing is published");
+    output.send(&wrench(1.0)).unwrap();
+    assert!(input.wait(LONG), "it is there");
+    assert!(input.latest().is_some() && !input.wait(Duration::ZERO), "and is read");
+    let (folder, topic) = (&bench.folder, bench.topic());
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            let memory = TopicMemory::open(&folder.domain().unwrap().node().unwrap(), topic).unwrap();
+            std::thread::sleep(Duration::from_millis(5));
+            memory.count(0);
+            memory.notify();
+        });
+        assert!(input.wait(LONG), "published meanwhile");
+    });
+}
+
+#[test]
+fn whoever_a_step_has_triggered_is_woken_before_it_waits() {
+    let bench = Bench::new(Wrench::layout(), TopicPattern::State);
+    let participant = bench.participant(0);
+    let place = OutputPlace { wakes_late: true, ..bench.output_place() };
+    let mut output = Output::<Wrench>::open(&participant, place, "output").unwrap();
+    let own =
+        InputPlace { index: 0, topic: bench.topic(), port: "input", pin: 0, is_cause: false, edge: None };
+    let input = Input::<Wrench>::open(&participant, &own).unwrap();
+    let (folder, topic) = (&bench.folder, bench.topic());
+    let (says, hears) = std::sync::mpsc::channel();
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            let memory = TopicMemory::open(&folder.domain().unwrap().node().unwrap(), topic).unwrap();
+            let seen = memory.newest();
+            says.send("sleeps").unwrap();
+            memory.sleep(seen, Some(crate::os::monotonic_ns() + LONG.as_nanos() as u64));
+            says.send("woken").unwrap();
+        });
+        assert_eq!(hears.recv(), Ok("sleeps"));
+        std::thread::sleep(Duration::from_millis(5));
+        output.send(&wrench(1.0)).unwrap();
+        assert!(input.wait(LONG));
+        assert_eq!(hears.recv_timeout(LONG / 2), Ok("woken"));
+    });
 }
 
 #[test]

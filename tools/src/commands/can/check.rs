@@ -1,8 +1,9 @@
 //! `motorium can check`: what a graph's adapters put on their buses, with the arithmetic.
 
 use std::process::ExitCode;
+use std::time::Duration;
 
-use motorium::plan::{ComponentPlan, Program};
+use motorium::plan::{ComponentPlan, Plan, Program};
 use motorium_can::{Budget, CanAdapterConfig, Table};
 use serde_json::{Value, json};
 
@@ -25,11 +26,12 @@ pub(super) struct Check {
 }
 
 /// The buses of one adapter.
-struct Found {
-    component: String,
+pub(super) struct Found {
+    pub(super) component: String,
     period_ns: u64,
-    waits_ns: u64,
-    table: Table,
+    /// Time that answers have on real buses.
+    answers_have: Option<Duration>,
+    pub(super) table: Table,
 }
 
 impl Check {
@@ -38,8 +40,7 @@ impl Check {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };
-        let found = checked.plan.components.iter().filter(|component| is_adapter(component)).map(found);
-        let found: Vec<Found> = found.collect::<anyhow::Result<_>>()?;
+        let found = adapters(&checked.plan)?;
         if self.json {
             let adapters: Vec<Value> = found.iter().map(value).collect();
             outln!("{}", serde_json::to_string_pretty(&json!({ "adapters": adapters }))?);
@@ -52,6 +53,11 @@ impl Check {
     }
 }
 
+/// The adapters of a plan.
+pub(super) fn adapters(plan: &Plan) -> anyhow::Result<Vec<Found>> {
+    plan.components.iter().filter(|component| is_adapter(component)).map(found).collect()
+}
+
 fn is_adapter(component: &ComponentPlan) -> bool {
     matches!(&component.program, Program::Builtin { kind } | Program::Sibling { kind, .. } if kind == "can.adapter")
 }
@@ -59,9 +65,9 @@ fn is_adapter(component: &ComponentPlan) -> bool {
 fn found(component: &ComponentPlan) -> anyhow::Result<Found> {
     let config: CanAdapterConfig = serde_json::from_value(component.config.clone())?;
     let table = config.table(&component.folder)?;
-    let (component, period_ns, waits_ns) =
-        (component.name.clone(), component.period_ns(), component.waits_ns);
-    Ok(Found { component, period_ns, waits_ns, table })
+    let (component, period_ns) = (component.name.clone(), component.period_ns());
+    let answers_have = config.answers_have(&table, Duration::from_nanos(period_ns));
+    Ok(Found { component, period_ns, answers_have, table })
 }
 
 impl Found {
@@ -90,7 +96,7 @@ fn value(found: &Found) -> Value {
             "busy_us": budget.busy_ns() as f64 * 1e-3,
             "turn_round_us": budget.turn_round_ns as f64 * 1e-3,
             "complete_us": budget.complete_ns() as f64 * 1e-3,
-            "answers_awaited_us": (found.waits_ns > 0).then_some(found.waits_ns as f64 * 1e-3),
+            "answers_awaited_us": found.answers_have.map(|time| time.as_secs_f64() * 1e6),
             "share": budget.share(),
             "fits": budget.fits(),
             "most_such_drives": budget.most(),
@@ -110,6 +116,9 @@ fn describe(found: &Found) -> String {
         let comfortable = if budget.share() > Budget::COMFORTABLE { ", nearly full" } else { "" };
         text += &format!("  {} ({interface}){comfortable}\n    {budget}\n", entry.name);
         text += &format!("    at most {} such drives fit\n", budget.most());
+        if let Some(time) = found.answers_have {
+            text += &format!("    answers have {:.0} us\n", time.as_secs_f64() * 1e6);
+        }
     }
     text
 }

@@ -1,6 +1,7 @@
 //! `motorium can`: CAN buses, the devices on them, and what goes over them.
 
 mod attach;
+mod calibrate;
 mod check;
 mod log;
 mod monitor;
@@ -35,6 +36,7 @@ enum Command {
     Send(send::Send),
     Log(log::Log),
     Attach(attach::Attach),
+    Calibrate(calibrate::Calibrate),
 }
 
 impl Can {
@@ -46,6 +48,7 @@ impl Can {
             Command::Send(command) => command.run(),
             Command::Log(command) => command.run(),
             Command::Attach(command) => command.run(),
+            Command::Calibrate(command) => command.run(),
         }
     }
 }

@@ -22,6 +22,8 @@ pub(in crate::adapter) struct Cia402 {
     watchdog_ms: u16,
     increments: f64,
     rated_torque: f64,
+    /// The largest current and the rated one, A; `None` for the limit that stands in the drive.
+    currents: Option<[f64; 2]>,
     ranges: Ranges,
     gains: LoopEntry,
     /// Process data whose mapping is compared, and not written.
@@ -50,6 +52,10 @@ const INTERPOLATION_UNITS: u8 = WATCHDOG + 3;
 const INTERPOLATION_EXPONENT: u8 = WATCHDOG + 4;
 const RATED_TORQUE: u8 = WATCHDOG + 5;
 const SETTINGS: u8 = WATCHDOG + 6;
+/// Settings of a drive whose current is limited.
+const RATED_CURRENT: u8 = SETTINGS;
+const MAX_CURRENT: u8 = SETTINGS + 1;
+const LIMITED_SETTINGS: u8 = SETTINGS + 2;
 
 impl Cia402 {
     pub(super) fn new(table: &Table, index: usize) -> Self {
@@ -60,6 +66,7 @@ impl Cia402 {
             watchdog_ms: u16::try_from(entry.watchdog.ns / 1_000_000).unwrap_or(u16::MAX),
             increments: entry.increments.unwrap_or(1.0),
             rated_torque: entry.rated_torque.unwrap_or(1.0),
+            currents: entry.current_limit.zip(entry.rated_current).map(|(limit, rated)| [limit, rated]),
             ranges: table.ranges(index),
             gains: table.position_loop(index),
             fixed: entry.fixed_mappings.clone(),
@@ -78,7 +85,7 @@ impl Cia402 {
     }
 
     pub(super) fn checks(&self) -> u8 {
-        SETTINGS
+        if self.currents.is_some() { LIMITED_SETTINGS } else { SETTINGS }
     }
 
     pub(super) fn restart(&mut self) {
@@ -118,6 +125,11 @@ impl Cia402 {
                 Service::Write(Object::INTERPOLATION_EXPONENT, Value::byte(exponent as u8))
             }
             RATED_TORQUE => Service::Read(Object::RATED_TORQUE),
+            RATED_CURRENT => Service::Read(Object::RATED_CURRENT),
+            MAX_CURRENT => {
+                let [limit, rated] = self.currents.unwrap_or([0.0, 1.0]);
+                Service::Write(Object::MAX_CURRENT, Value::word(nearest(limit / rated * 1e3) as u16))
+            }
             step => {
                 let mapping = Mapping::ALL[usize::from(step / Mapping::STEPS) % Mapping::ALL.len()];
                 let service = mapping.step(self.node, self.cyclic(), step % Mapping::STEPS);
@@ -226,6 +238,11 @@ impl Cia402 {
             RATED_TORQUE => {
                 let (found, expected) = (f64::from(value) * 1e-3, self.rated_torque);
                 ((found - expected).abs() > 0.6e-3).then_some(WrongSetting::RatedTorque { found, expected })
+            }
+            RATED_CURRENT => {
+                let (found, expected) =
+                    (f64::from(value) * 1e-3, self.currents.map_or(0.0, |[_, rated]| rated));
+                ((found - expected).abs() > 0.6e-3).then_some(WrongSetting::RatedCurrent { found, expected })
             }
             _ => None,
         })

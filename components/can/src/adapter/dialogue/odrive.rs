@@ -12,6 +12,8 @@ use crate::table::{ControlMode, Table};
 
 /// Cycles after which a drive that has not followed is asked again.
 const PATIENCE: u16 = 1000;
+/// Cycles after which it is enabled: its modes, limits and first setpoint have been sent.
+const ENABLED_IN: u16 = 3;
 /// Cycles for which clearing the errors takes.
 const CLEARS: u8 = 4;
 /// Error of an axis: its watchdog was not fed.
@@ -23,6 +25,8 @@ pub(in crate::adapter) struct Odrive {
     pub(super) mode: ControlMode,
     pub(super) every_ns: u64,
     ranges: Ranges,
+    /// A; `None` for the limits that stand in the drive.
+    current_limit: Option<f64>,
     /// Cycles since it has been asked to follow.
     begun: u16,
     /// Cycles that are left of those in which its errors are cleared.
@@ -42,6 +46,7 @@ impl Odrive {
             mode: entry.mode.unwrap_or_default(),
             every_ns: entry.report_every.map_or(10_000_000, |every| every.ns),
             ranges: table.ranges(index),
+            current_limit: entry.current_limit,
             begun: 0,
             clears: 0,
             state: State::Disabled,
@@ -66,10 +71,15 @@ impl Odrive {
             ControlMode::Torque => Quantity::Torque,
         };
         self.motion.begin(order);
+        let velocity = self.ranges.velocity.max;
         let instruction = match (order, self.begun) {
             (Order::Enable, 0) => Instruction::SetModes(quantity, InputMode::Passthrough),
+            (Order::Enable, 1) => match self.current_limit {
+                Some(current) => Instruction::Limits { velocity, current },
+                None => self.follow(&Command::default()),
+            },
             // its watchdog is fed, and its setpoint is where it is, before it follows
-            (Order::Enable, 2) => {
+            (Order::Enable, ENABLED_IN) => {
                 // what it told before it was asked does not count
                 self.state = State::Disabled;
                 Instruction::SetState(AxisState::ClosedLoop)

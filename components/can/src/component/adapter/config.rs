@@ -9,6 +9,7 @@ use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::order::StepOrder;
 use crate::component::{Equipped, Source};
 use crate::{Budget, BusEntry, DriveEntry, Table};
 
@@ -90,8 +91,12 @@ pub struct CanAdapterConfig {
     /// Default false.
     #[serde(default)]
     pub allow_no_watchdog: bool,
-    /// Longest time for which a step waits for the answers of drives on real buses. Default half a period.
+    /// Longest time for which a step waits for the answers of drives on real buses. Default half a period. With `command_within`
+    /// answers have until the next step, and are waited for only on serial lines.
     pub answer_within: Option<TimeSpan>,
+    /// Longest time for which a step waits for the command that is made of the state it has just published, so that its frames go out
+    /// at once. In lockstep no step waits. Default none: the command is sent in the next cycle.
+    pub command_within: Option<TimeSpan>,
     /// Acceleration of free fall in the world (m/s2), from which the safe states compute what holds the robot. Default: that of
     /// the graph's `[world]`, or 9.81 downwards.
     #[serde(default = "gravity")]
@@ -99,6 +104,13 @@ pub struct CanAdapterConfig {
 }
 
 impl CanAdapterConfig {
+    /// Time that answers on real buses have in a cycle of this length, from the batch to the place where they are read; `None` where
+    /// all buses are simulated over topics.
+    pub fn answers_have(&self, table: &Table, cycle: Duration) -> Option<Duration> {
+        let order = StepOrder::of(self, table, table.is_real(), Some(cycle)).ok()?;
+        table.is_real().then(|| order.answers_have(cycle))
+    }
+
     /// The drive table: that of the file, which is relative to `folder`, or of the configuration itself.
     ///
     /// # Errors
@@ -121,41 +133,51 @@ fn gravity() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
-/// Longest time for which a step waits for answers.
-pub(super) fn answer_within(
+/// Refuses drives whose watchdog is off, or acts between two commands; warns of one that a single lost command sets off.
+pub(super) fn check_watchdogs(
     config: &CanAdapterConfig,
-    period: Option<Duration>,
-) -> Result<Duration, ConfigError> {
-    let within = config.answer_within.map(Duration::from);
-    let Some(period) = period else { return Ok(within.unwrap_or_default()) };
-    match within {
-        Some(within) if within.is_zero() || within >= period => {
-            let message = format!("answers within {within:?} of a period of {period:?}");
-            let advice = "leave time for the commands of the next period: write about half a period";
-            Err(ConfigError::key("answer_within", message).advise(advice))
-        }
-        _ => Ok(within.unwrap_or(period / 2)),
+    equipped: &Equipped,
+    declare: &mut Declare,
+) -> Result<(), ConfigError> {
+    let drives = &equipped.table.drives;
+    if let Some(drive) = drives.iter().find(|drive| drive.watchdog.ns == 0)
+        && !config.allow_no_watchdog
+    {
+        let message = format!("the watchdog of the drive of `{}` is off", drive.joint);
+        return Err(ConfigError::key("drives", message).advise(
+            "set one in the drive and in the table: without it the drive goes on when nobody commands it any more",
+        ));
     }
+    let Some(period) = declare.period() else { return Ok(()) };
+    let watchdog = |drive: &DriveEntry| Duration::from(drive.watchdog);
+    let Some(drive) =
+        drives.iter().filter(|drive| drive.watchdog.ns > 0).min_by_key(|drive| drive.watchdog.ns)
+    else {
+        return Ok(());
+    };
+    let message = format!(
+        "the drive of `{}` lets go after {:?} without a command, and one is sent each {period:?}",
+        drive.joint,
+        watchdog(drive)
+    );
+    let advice = "write three periods or more in the drive and in the table, or raise the rate";
+    if watchdog(drive) <= period {
+        return Err(ConfigError::key("drives", message).advise(advice));
+    }
+    if watchdog(drive) < 2 * period {
+        declare
+            .warn(format!("{message}: a single one that is lost makes it let go"))
+            .at("drives")
+            .advise(advice);
+    }
+    Ok(())
 }
 
-pub(super) fn check_watchdogs(config: &CanAdapterConfig, equipped: &Equipped) -> Result<(), ConfigError> {
-    let off = equipped.table.drives.iter().find(|drive| drive.watchdog.ns == 0);
-    match off {
-        Some(drive) if !config.allow_no_watchdog => {
-            let message = format!("the watchdog of the drive of `{}` is off", drive.joint);
-            Err(ConfigError::key("drives", message).advise(
-                "set one in the drive and in the table: without it the drive goes on when nobody commands it any more",
-            ))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Refuses a bus whose frames do not fit into a cycle; `within` is the time for which the answers of a real one are awaited.
+/// Refuses a bus whose frames do not fit into a cycle, and warns of one whose answers may come too late for this order of a step.
 pub(super) fn check_budget(
     bus: &str,
     budget: &Budget,
-    within: Option<Duration>,
+    order: &StepOrder,
     declare: &mut Declare,
 ) -> Result<(), ConfigError> {
     if !budget.fits() {
@@ -166,13 +188,13 @@ pub(super) fn check_budget(
         );
         return Err(ConfigError::key("drives", message).advise(advice));
     }
-    if let Some(within) = within
-        && (within.as_nanos() as u64) < budget.complete_ns()
-    {
+    let within = order.answers_have(Duration::from_nanos(budget.cycle_ns));
+    if (within.as_nanos() as u64) < budget.complete_ns() {
         let message =
             format!("answers on bus `{bus}` are waited for {within:?}, and may take longer: {budget}");
         let advice = "wait longer, raise the bitrate, or lower the rate";
-        declare.warn(message).at("answer_within").advise(advice);
+        let key = if order.answer_within.is_some() { "answer_within" } else { "command_within" };
+        declare.warn(message).at(key).advise(advice);
     }
     if budget.share() > Budget::COMFORTABLE {
         let warning = declare.warn(format!("bus `{bus}` is nearly full: {budget}"));

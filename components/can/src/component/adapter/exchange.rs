@@ -21,6 +21,40 @@ pub(super) enum Exchange {
     Sockets(Sockets),
 }
 
+impl Exchange {
+    /// Takes all frames that have been received, and the conditions of the buses.
+    pub(super) fn collect(&mut self, adapter: &mut Adapter, buses: &mut [BusAccount]) {
+        match self {
+            Self::Topics(topics) => topics.collect(adapter, buses),
+            Self::Sockets(sockets) => sockets.collect(adapter, buses),
+        }
+    }
+
+    /// Sends the batch of this cycle. What is not taken is not sent: the next cycle has newer commands.
+    pub(super) fn send(
+        &mut self,
+        tick: &Tick,
+        adapter: &mut Adapter,
+        buses: &mut [BusAccount],
+        frames: &mut Vec<Frame>,
+    ) -> Result<(), StepError> {
+        match self {
+            Self::Topics(topics) => topics.send(tick, adapter, buses, frames),
+            Self::Sockets(sockets) => {
+                sockets.send(adapter, buses, frames);
+                Ok(())
+            }
+        }
+    }
+
+    /// Waits for the answers to this cycle's batch, where this step does.
+    pub(super) fn await_answers(&mut self, adapter: &mut Adapter, buses: &mut [BusAccount]) {
+        if let Self::Sockets(sockets) = self {
+            sockets.await_answers(adapter, buses);
+        }
+    }
+}
+
 /// The topics of simulated buses.
 pub(super) struct Topics {
     pub(super) received: SliceInput<CanFrame>,
@@ -33,8 +67,7 @@ impl Topics {
         Self { received, sent, batch: Vec::with_capacity(BATCH) }
     }
 
-    /// Takes all frames that were received since the last step.
-    pub(super) fn collect(&mut self, adapter: &mut Adapter, buses: &mut [BusAccount]) {
+    fn collect(&mut self, adapter: &mut Adapter, buses: &mut [BusAccount]) {
         while let Some((_, frames)) = self.received.next_unread() {
             for frame in frames {
                 let Some(bus) = buses.get_mut(frame.bus as usize) else { continue };
@@ -55,8 +88,7 @@ impl Topics {
         }
     }
 
-    /// Sends the batch of this cycle. What does not fit is not sent: the next cycle has newer commands.
-    pub(super) fn send(
+    fn send(
         &mut self,
         tick: &Tick,
         adapter: &mut Adapter,
@@ -85,12 +117,17 @@ pub(super) struct Sockets {
     inbox: Vec<Received>,
     waiting: Waiting,
     clock: RunClock,
-    answer_within_ns: u64,
+    /// Longest time for which a step waits for answers; `None` if it does not, as they are read in the next step.
+    answer_within_ns: Option<u64>,
 }
 
 impl Sockets {
     /// Opens the interfaces of a table.
-    pub(super) fn open(table: &Table, clock: RunClock, answer_within_ns: u64) -> Result<Self, ConfigError> {
+    pub(super) fn open(
+        table: &Table,
+        clock: RunClock,
+        answer_within_ns: Option<u64>,
+    ) -> Result<Self, ConfigError> {
         let buses = interfaces::open(table)?;
         let waiting = Waiting::of(buses.len());
         Ok(Self { buses, inbox: vec![Received::default(); BATCH], waiting, clock, answer_within_ns })
@@ -103,8 +140,7 @@ impl Sockets {
         }
     }
 
-    /// Takes all frames that have been received, and the conditions of the buses.
-    pub(super) fn collect(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount]) {
+    fn collect(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount]) {
         let start_ns = self.clock.stamp_ns(0);
         for (index, (bus, account)) in self.buses.iter_mut().zip(accounts).enumerate() {
             loop {
@@ -127,13 +163,7 @@ impl Sockets {
         }
     }
 
-    /// Sends the batch of this cycle. What is not taken is not sent: the next cycle has newer commands.
-    pub(super) fn send(
-        &mut self,
-        adapter: &mut Adapter,
-        accounts: &mut [BusAccount],
-        frames: &mut Vec<Frame>,
-    ) {
+    fn send(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount], frames: &mut Vec<Frame>) {
         for (index, (bus, account)) in self.buses.iter_mut().zip(accounts).enumerate() {
             frames.clear();
             adapter.write(index, frames);
@@ -145,8 +175,9 @@ impl Sockets {
     }
 
     /// Receives until all that were asked have answered, or the time for it is over.
-    pub(super) fn await_answers(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount]) {
-        let until_ns = self.clock.now_ns() + self.answer_within_ns;
+    fn await_answers(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount]) {
+        let Some(within_ns) = self.answer_within_ns else { return };
+        let until_ns = self.clock.now_ns() + within_ns;
         loop {
             self.collect(adapter, accounts);
             let left_ns = until_ns.saturating_sub(self.clock.now_ns());

@@ -4,6 +4,7 @@ mod account;
 mod config;
 mod exchange;
 mod hand_over;
+mod order;
 mod results;
 
 use motorium::component::RunClock;
@@ -19,9 +20,10 @@ use crate::adapter::{Adapter, OnTrip, Phase, Setpoint};
 use account::BusAccount;
 use config::WhenTripped;
 pub use config::{CanAdapterConfig, JointHealth};
-use config::{answer_within, check_budget, check_watchdogs};
+use config::{check_budget, check_watchdogs};
 use exchange::{Exchange, Sockets, Topics};
 use hand_over::HandOver;
+use order::StepOrder;
 
 /// Frames that one batch of all buses holds at most.
 pub(super) const BATCH: usize = 128;
@@ -41,6 +43,7 @@ pub struct CanAdapter {
     clock: RunClock,
     frames: Vec<Frame>,
     hand_over: HandOver,
+    order: StepOrder,
     resumes: u32,
     safe: u64,
 }
@@ -53,6 +56,17 @@ struct Weight {
     gravity: Vector3<f64>,
 }
 
+impl Weight {
+    /// Those of each joint at these positions. None with a floating base: its drives do not tell how it lies, nor on what it stands.
+    fn efforts(&mut self, position: &[f64], effort: &mut [f64]) {
+        let Self { model, dynamics, gravity } = self;
+        match model.base().floating {
+            true => effort.fill(0.0),
+            false => dynamics.gravity(model, position, *gravity, effort),
+        }
+    }
+}
+
 impl Component for CanAdapter {
     const KIND: &'static str = "can.adapter";
     const SUMMARY: &'static str = "commands drives on CAN buses";
@@ -62,7 +76,7 @@ impl Component for CanAdapter {
     fn declare(config: &CanAdapterConfig, declare: &mut Declare) -> Result<(), ConfigError> {
         declare.actuator();
         let equipped = load(declare.robot(), declare.folder(), &config.source())?;
-        check_watchdogs(config, &equipped)?;
+        check_watchdogs(config, &equipped, declare)?;
         if let Some(message) = limits::too_small(&equipped) {
             let advice = "enlarge the range in the drive and in the table, or correct `ratio` and `offset`";
             return Err(ConfigError::key("drives", message).advise(advice));
@@ -72,23 +86,17 @@ impl Component for CanAdapter {
             return Err(ConfigError::key("gravity", "expected finite numbers"));
         }
         let is_real = interfaces::are_real(&equipped.table, declare.clock())?;
-        let within = is_real.then(|| answer_within(config, declare.period())).transpose()?;
+        let order = StepOrder::of(config, &equipped.table, is_real, declare.period())?;
         for (index, bus) in equipped.table.buses.iter().enumerate() {
             if let Some(period) = declare.period() {
                 let budget = equipped.table.budget(index, period.as_nanos() as u64);
-                check_budget(&bus.name, &budget, within, declare)?;
+                check_budget(&bus.name, &budget, &order, declare)?;
             }
         }
         declare.input::<JointCommand>("joint_command", "commands of the joints");
         declare.output::<JointState>("joint_state", "newest state of every joint");
-        if let Some(within) = within {
-            declare.waits(within);
-        } else {
-            if config.answer_within.is_some() {
-                let advice =
-                    "leave it out: simulated buses answer between two steps; real ones have an `interface`";
-                return Err(ConfigError::key("answer_within", "no bus has an interface").advise(advice));
-            }
+        declare.waits(order.waits());
+        if !is_real {
             declare.slice_input::<CanFrame>("frames_received", 16, "frames received from the buses");
             let sent = "frames sent to the buses, one batch a cycle";
             declare.slice_output::<CanFrame>("frames_sent", BATCH, 16, sent);
@@ -121,9 +129,11 @@ impl Component for CanAdapter {
         let mut adapter = Adapter::new(&table, &order, &damping, on_trip);
         adapter.set_cycle(setup.period().as_nanos() as u64);
         let clock = setup.clock();
-        let exchange = if interfaces::are_real(&table, clock.kind()).map_err(ConfigureError::Config)? {
-            let within = answer_within(&config, Some(setup.period())).map_err(ConfigureError::Config)?;
-            let within_ns = within.as_nanos() as u64;
+        let is_real = interfaces::are_real(&table, clock.kind()).map_err(ConfigureError::Config)?;
+        let order = StepOrder::of(&config, &table, is_real, Some(setup.period()));
+        let order = order.map_err(ConfigureError::Config)?;
+        let exchange = if is_real {
+            let within_ns = order.answer_within.map(|within| within.as_nanos() as u64);
             let sockets = Sockets::open(&table, clock.clone(), within_ns).map_err(ConfigureError::Config)?;
             sockets.prepare(&mut adapter);
             Exchange::Sockets(sockets)
@@ -149,6 +159,7 @@ impl Component for CanAdapter {
             clock,
             frames: Vec::with_capacity(BATCH),
             hand_over: HandOver::default(),
+            order,
             resumes: gate.resumes(),
             gate,
             safe: 0,
@@ -157,39 +168,21 @@ impl Component for CanAdapter {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Self { exchange, adapter, buses, .. } = self;
-        match exchange {
-            // the answers to the last step's batch are there; those to this one's come before the next
-            Exchange::Topics(topics) => {
-                topics.collect(adapter, buses);
-                self.end_cycle(tick)?;
-                self.apply_command(tick.settling);
-                let Self { exchange: Exchange::Topics(topics), adapter, buses, frames, .. } = self else {
-                    return Ok(());
-                };
-                topics.send(tick, adapter, buses, frames)?;
-                self.hand_over.sent(self.clock.stamp_ns(self.clock.now_ns()));
+        // with answers within the step these are late ones, and else those to the last step's batch
+        exchange.collect(adapter, buses);
+        if !self.order.answers_within_step() {
+            let is_told = self.end_cycle(tick)?;
+            if let (true, Some(longest)) = (is_told, self.order.command_within) {
+                self.command.wait(longest);
             }
-            Exchange::Sockets(sockets) => {
-                // late ones, before the newest command goes out
-                sockets.collect(adapter, buses);
-                self.apply_command(tick.settling);
-                let Self {
-                    exchange: Exchange::Sockets(sockets),
-                    adapter,
-                    buses,
-                    frames,
-                    hand_over,
-                    clock,
-                    ..
-                } = self
-                else {
-                    return Ok(());
-                };
-                sockets.send(adapter, buses, frames);
-                hand_over.sent(clock.stamp_ns(clock.now_ns()));
-                sockets.await_answers(adapter, buses);
-                self.end_cycle(tick)?;
-            }
+        }
+        self.apply_command(tick.settling);
+        let Self { exchange, adapter, buses, frames, hand_over, clock, .. } = self;
+        exchange.send(tick, adapter, buses, frames)?;
+        hand_over.sent(clock.stamp_ns(clock.now_ns()));
+        exchange.await_answers(adapter, buses);
+        if self.order.answers_within_step() {
+            self.end_cycle(tick)?;
         }
         self.publish_health(tick)
     }
@@ -200,15 +193,19 @@ impl Component for CanAdapter {
 }
 
 impl CanAdapter {
-    /// Ends the cycle of commands and answers, and publishes the state of the joints.
-    fn end_cycle(&mut self, tick: &Tick) -> Result<(), StepError> {
+    /// Ends the cycle of commands and answers, and publishes the state of the joints if it is known; whether it is.
+    fn end_cycle(&mut self, tick: &Tick) -> Result<bool, StepError> {
         // drives that are simulated end with the run, in the middle of a cycle too
         self.adapter.end_cycle(!tick.settling && !self.clock.is_settling());
         if let Some((joint, wrong)) = self.adapter.wrong_setting() {
             let name = &self.names[joint];
             return Err(StepError::failed(format!("the drive of `{name}` is not enabled: {wrong}")));
         }
-        if self.adapter.is_complete() { self.publish_state() } else { Ok(()) }
+        let is_complete = self.adapter.is_complete();
+        if is_complete {
+            self.publish_state()?;
+        }
+        Ok(is_complete)
     }
 
     fn publish_state(&mut self) -> Result<(), StepError> {
@@ -233,8 +230,10 @@ impl CanAdapter {
         }
         let Self { gate, command, measured, weight, .. } = self;
         let [position, velocity] = measured;
-        let mut gravity =
-            |effort: &mut [f64]| weight.dynamics.gravity(&weight.model, position, weight.gravity, effort);
+        let mut gravity = |effort: &mut [f64]| weight.efforts(position, effort);
+        if self.adapter.has_tripped() {
+            gate.trip();
+        }
         let verdict = gate.check(command, Measured { position, velocity, gravity: &mut gravity });
         self.safe += u64::from(!settling && matches!(verdict, Verdict::Safe { .. }));
         let is_applied = self.adapter.enabled_in().is_some() && verdict == Verdict::Applied;

@@ -25,6 +25,10 @@ impl Object {
     pub const MODE: Self = Self { index: 0x6060, subindex: 0 };
     /// The rated torque of the motor, thousandths of N m.
     pub const RATED_TORQUE: Self = Self { index: 0x6076, subindex: 0 };
+    /// The largest current of the motor, thousandths of the rated one.
+    pub const MAX_CURRENT: Self = Self { index: 0x6073, subindex: 0 };
+    /// The rated current of the motor, mA.
+    pub const RATED_CURRENT: Self = Self { index: 0x6075, subindex: 0 };
     /// The time between two setpoints: units.
     pub const INTERPOLATION_UNITS: Self = Self { index: 0x60c2, subindex: 1 };
     /// The time between two setpoints: power of ten of the unit in seconds.

@@ -1,0 +1,195 @@
+//! Offsets of drives, measured while the robot is held in a known pose.
+
+use core::time::Duration;
+
+use crate::adapter::{Adapter, OnTrip, WrongSetting};
+use crate::bus::{Bus, Received};
+use crate::cia402;
+use crate::frame::{Frame, Id};
+use crate::table::{Protocol, Table, TableError};
+
+/// The drive of a joint that stood in a known pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Calibrated {
+    /// The joint.
+    pub joint: String,
+    /// Its mean position by the offset of the table, rad or m.
+    pub position: f64,
+    /// The offset with which it stands as the pose says, rad or m.
+    pub offset: f64,
+    /// The offset of the table, rad or m.
+    pub before: f64,
+    /// Difference of its largest and its smallest position, rad or m.
+    pub spread: f64,
+    /// Answers that were taken.
+    pub answers: u64,
+}
+
+/// The reason why offsets were not measured.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CalibrationError {
+    /// Robot and table do not fit together.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    /// Another program commands a drive.
+    #[error("another program commands the drive of `{joint}`: end it, for this lets all drives go")]
+    Commanded {
+        /// The joint of the drive.
+        joint: String,
+    },
+    /// A drive is not set as the table says, so that its positions may be others.
+    #[error("the drive of `{joint}`: {wrong}")]
+    Setting {
+        /// The joint of the drive.
+        joint: String,
+        /// The setting.
+        wrong: WrongSetting,
+    },
+    /// A drive did not answer.
+    #[error("the drive of `{joint}` does not answer: has it power, is its number that of the table?")]
+    Silent {
+        /// The joint of the drive.
+        joint: String,
+    },
+    /// A joint moved.
+    #[error("`{joint}` moved by {spread:.3} while it was measured: hold it still")]
+    Moved {
+        /// The joint.
+        joint: String,
+        /// Difference of its largest and its smallest position, rad or m.
+        spread: f64,
+    },
+}
+
+/// Time for which it is listened whether another program commands the drives.
+const LISTEN: Duration = Duration::from_millis(300);
+/// Time from one question to the next.
+const CYCLE: Duration = Duration::from_millis(10);
+/// Cycles for which drives are waited for: they are checked meanwhile.
+const PATIENCE: u32 = 300;
+/// Largest difference of two positions of a joint that stands still, rad or m.
+const STILL: f64 = 0.05;
+
+/// Measures the offsets of all drives for `time`, while the robot is held at `pose` \[rad or m\], which has a position for each of
+/// `joints`. No drive is enabled. `pass` lets time pass on `buses`, those of the table in its order, and returns the time, ns.
+///
+/// # Errors
+/// A drive is commanded by another program, is set otherwise than the table says, does not answer, or moves.
+///
+/// # Panics
+/// If `pose` has not as many positions as there are `joints`, or there are fewer buses than in the table.
+pub fn calibrate<B: Bus>(
+    table: &Table,
+    (joints, pose): (&[String], &[f64]),
+    buses: &mut [B],
+    time: Duration,
+    mut pass: impl FnMut(&mut [B], Duration) -> u64,
+) -> Result<Vec<Calibrated>, CalibrationError> {
+    assert_eq!(joints.len(), pose.len(), "positions of the pose");
+    let order = table.of_joints(joints)?;
+    let mut now_ns = pass(buses, LISTEN);
+    let mut inbox = [Received::default(); 32];
+    let commanded = (0..table.buses.len()).find_map(|bus| {
+        let count = buses[bus].receive(&mut inbox);
+        inbox[..count].iter().find_map(|received| commanded(table, bus, &received.frame))
+    });
+    if let Some(joint) = commanded {
+        return Err(CalibrationError::Commanded { joint });
+    }
+    let mut adapter = Adapter::new(table, &order, &vec![0.0; order.len()], OnTrip::Disable).observer();
+    adapter.set_cycle(CYCLE.as_nanos() as u64);
+    let mut taken: Vec<Taken> = vec![Taken::default(); order.len()];
+    let (mut frames, mut waited, mut left) = (Vec::new(), 0, time);
+    while !left.is_zero() {
+        for (bus, port) in buses.iter_mut().enumerate().take(table.buses.len()) {
+            frames.clear();
+            adapter.write(bus, &mut frames);
+            let count = port.send(&frames);
+            adapter.sent(bus, count, now_ns);
+        }
+        now_ns = pass(buses, CYCLE);
+        for (bus, port) in buses.iter_mut().enumerate().take(table.buses.len()) {
+            loop {
+                let count = port.receive(&mut inbox);
+                inbox[..count].iter().for_each(|received| adapter.take(bus, received));
+                if count < inbox.len() {
+                    break;
+                }
+            }
+        }
+        adapter.end_cycle(true);
+        if let Some((joint, wrong)) = adapter.wrong_setting() {
+            return Err(CalibrationError::Setting { joint: joints[joint].clone(), wrong });
+        }
+        let silent = adapter.links().iter().position(|link| link.received_ns().is_none());
+        match silent {
+            Some(joint) if waited >= PATIENCE => {
+                return Err(CalibrationError::Silent { joint: joints[joint].clone() });
+            }
+            Some(_) => waited += 1,
+            None => {
+                left = left.saturating_sub(CYCLE);
+                for (taken, link) in taken.iter_mut().zip(adapter.links()) {
+                    taken.take(link.received_ns(), link.state().0);
+                }
+            }
+        }
+    }
+    let result = taken.iter().enumerate().map(|(index, taken)| {
+        let (joint, before) = (joints[index].clone(), table.transmission(order[index]).offset);
+        let (position, spread) = (taken.sum / taken.count.max(1) as f64, taken.most - taken.least);
+        if spread > STILL {
+            return Err(CalibrationError::Moved { joint, spread });
+        }
+        let offset = before + pose[index] - position;
+        Ok(Calibrated { joint, position, offset, before, spread, answers: taken.count })
+    });
+    result.collect()
+}
+
+/// The positions of a joint.
+#[derive(Clone, Copy, Debug)]
+struct Taken {
+    last_ns: Option<u64>,
+    sum: f64,
+    count: u64,
+    least: f64,
+    most: f64,
+}
+
+impl Default for Taken {
+    fn default() -> Self {
+        Self { last_ns: None, sum: 0.0, count: 0, least: f64::INFINITY, most: f64::NEG_INFINITY }
+    }
+}
+
+impl Taken {
+    /// Takes a position, if it is one that was received since the last.
+    fn take(&mut self, received_ns: Option<u64>, position: f64) {
+        if self.last_ns != received_ns {
+            self.last_ns = received_ns;
+            (self.sum, self.count) = (self.sum + position, self.count + 1);
+            (self.least, self.most) = (self.least.min(position), self.most.max(position));
+        }
+    }
+}
+
+/// The joint of the drive on this bus that a frame of another program commands.
+fn commanded(table: &Table, bus: usize, frame: &Frame) -> Option<String> {
+    let mut drives = table.drives.iter().enumerate().filter(|(_, drive)| table.bus_of(drive) == Some(bus));
+    let found = drives.find(|(index, drive)| match (table.drive(*index), drive.protocol, frame.id) {
+        (Some(codec), ..) => codec.id() == frame.id,
+        (_, Protocol::Cia402, id) => {
+            frame.id == cia402::sync().id || id == Id::Standard(0x200 | u16::from(drive.node))
+        }
+        (_, Protocol::Odrive, _) => {
+            let node = crate::odrive::Node::new(drive.node);
+            // what a drive reports has other commands
+            node.is_some_and(|node| node.instruction(frame).is_ok())
+        }
+        (_, Protocol::Moteus, Id::Standard(id)) => id & 0xff == u16::from(drive.node),
+        (_, Protocol::Moteus, Id::Extended(id)) => id & 0xff == u32::from(drive.node),
+        _ => false,
+    });
+    found.map(|(_, drive)| drive.joint.clone())
+}

@@ -1,0 +1,182 @@
+//! The order of a step: who waits for whom.
+
+use std::time::Duration;
+
+use motorium::declare::ConfigError;
+
+use super::CanAdapterConfig;
+use crate::Table;
+
+/// The order in which a step sends commands, reads answers and publishes the state.
+///
+/// | buses | `command_within` | a step |
+/// |---|---|---|
+/// | simulated over topics | with or without | reads the answers to the batch before, publishes, waits for the command, sends |
+/// | real | without | sends the newest command, waits for the answers, publishes |
+/// | real | with | reads the answers to the batch before, publishes, waits for the command, sends |
+///
+/// Between a state that is measured and the command made of it that takes effect lies a cycle each time. What differs is the place
+/// of the pause in it: before the command is sent, or before the state is published.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct StepOrder {
+    /// Longest time for which a step waits for answers after it has sent its batch; `None` if it does not.
+    pub(super) answer_within: Option<Duration>,
+    /// Longest time for which it waits for the command made of the state that it has just published; `None` if it does not.
+    pub(super) command_within: Option<Duration>,
+    is_real: bool,
+}
+
+impl StepOrder {
+    /// That of a configuration, for the buses of a table that are real ones or not; without a period times are taken as they are.
+    pub(super) fn of(
+        config: &CanAdapterConfig,
+        table: &Table,
+        is_real: bool,
+        period: Option<Duration>,
+    ) -> Result<Self, ConfigError> {
+        let (answer, command) =
+            (config.answer_within.map(Duration::from), config.command_within.map(Duration::from));
+        // a line that does not tell when a frame came has to be read when it comes
+        let waits_for_answers = is_real && (command.is_none() || !table.tells_times());
+        if answer.is_some() && !waits_for_answers {
+            let (message, advice) = match is_real {
+                false => (
+                    "no bus has an interface",
+                    "leave it out: simulated buses answer between two steps; real ones have an `interface`",
+                ),
+                true => (
+                    "with `command_within` the answers have until the next step",
+                    "leave one of both out: a step waits for the command, or for the answers",
+                ),
+            };
+            return Err(ConfigError::key("answer_within", message).advise(advice));
+        }
+        let answer_within = match (waits_for_answers, period) {
+            (false, _) => None,
+            (true, Some(period)) => Some(answer.unwrap_or(period / 2)),
+            (true, None) => Some(answer.unwrap_or_default()),
+        };
+        let order = Self { answer_within, command_within: command, is_real };
+        order.check(period)?;
+        Ok(order)
+    }
+
+    fn check(&self, period: Option<Duration>) -> Result<(), ConfigError> {
+        let Some(period) = period else { return Ok(()) };
+        let refuse =
+            |key: &str, message: String, advice: &str| Err(ConfigError::key(key, message).advise(advice));
+        let is_out = |within: Duration| within.is_zero() || within >= period;
+        if let Some(within) = self.answer_within.filter(|within| is_out(*within)) {
+            let advice = "leave time for the commands of the next period: write about half a period";
+            return refuse(
+                "answer_within",
+                format!("answers within {within:?} of a period of {period:?}"),
+                advice,
+            );
+        }
+        if let Some(within) = self.command_within.filter(|within| is_out(*within)) {
+            let advice =
+                "leave time for the answers: write what policy and controller take, such as \"300 us\"";
+            return refuse(
+                "command_within",
+                format!("a command within {within:?} of a period of {period:?}"),
+                advice,
+            );
+        }
+        if self.waits() >= period {
+            let message =
+                format!("a step that waits for {:?} in all, of a period of {period:?}", self.waits());
+            return refuse("command_within", message, "shorten it, or `answer_within`");
+        }
+        Ok(())
+    }
+
+    /// True if a step waits for the answers to its own batch, and publishes them.
+    pub(super) fn answers_within_step(&self) -> bool {
+        self.is_real && self.command_within.is_none()
+    }
+
+    /// Longest time for which a step waits.
+    pub(super) fn waits(&self) -> Duration {
+        self.answer_within.unwrap_or_default() + self.command_within.unwrap_or_default()
+    }
+
+    /// Time that answers have from the batch to the place where they are read, of a cycle of this length.
+    pub(super) fn answers_have(&self, cycle: Duration) -> Duration {
+        match self.answer_within {
+            Some(within) => within,
+            None if self.is_real => cycle.saturating_sub(self.command_within.unwrap_or_default()),
+            // in simulated time a step takes none
+            None => cycle,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD: Duration = Duration::from_millis(2);
+
+    fn order(interface: &str, config: &str) -> Result<StepOrder, String> {
+        let table = format!(
+            "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n{interface}\n[[drive]]\njoint = \"a\"\nbus = \"can0\"\n\
+             protocol = \"damiao\"\nnode = 1\nwatchdog = \"20 ms\"\n\
+             ranges = {{ position = 12.5, velocity = 30.0, torque = 10.0 }}\n"
+        );
+        let table = Table::parse(&table).unwrap();
+        let config: CanAdapterConfig = toml::from_str(config).unwrap();
+        StepOrder::of(&config, &table, table.is_real(), Some(PERIOD)).map_err(|error| error.to_string())
+    }
+
+    const KERNEL: &str = "interface = \"can0\"";
+    const COMMAND: &str = "command_within = \"400 us\"";
+
+    #[test]
+    fn by_default_a_step_waits_for_answers_for_half_a_period_and_the_command_for_the_next_step() {
+        let order = order(KERNEL, "").unwrap();
+        assert!(order.answers_within_step());
+        assert_eq!((order.waits(), order.answers_have(PERIOD)), (PERIOD / 2, PERIOD / 2));
+    }
+
+    #[test]
+    fn a_step_that_waits_for_its_command_leaves_the_rest_of_the_cycle_to_the_answers() {
+        for interface in [KERNEL, "interface = \"unix:can0\""] {
+            let order = order(interface, COMMAND).unwrap();
+            assert!(!order.answers_within_step());
+            assert_eq!(order.waits(), Duration::from_micros(400));
+            assert_eq!(order.answers_have(PERIOD), Duration::from_micros(1600));
+        }
+    }
+
+    #[test]
+    fn on_a_serial_line_a_step_waits_for_both_because_the_line_tells_no_times() {
+        let order = order("interface = \"/dev/ttyACM0\"", COMMAND).unwrap();
+        assert!(!order.answers_within_step());
+        assert_eq!((order.waits(), order.answers_have(PERIOD)), (Duration::from_micros(1400), PERIOD / 2));
+    }
+
+    #[test]
+    fn waits_that_do_not_fit_into_a_cycle_or_have_no_meaning_are_refused() {
+        let refused = |interface: &str, config: &str| order(interface, config).unwrap_err();
+        for (interface, config, words) in [
+            (KERNEL, "answer_within = \"2 ms\"", "answers within 2ms of a period of 2ms"),
+            (KERNEL, "command_within = \"0 s\"", "a command within 0ns of a period of 2ms"),
+            (KERNEL, "command_within = \"2 ms\"", "a command within 2ms of a period of 2ms"),
+            (
+                KERNEL,
+                "command_within = \"1 ms\"\nanswer_within = \"1 ms\"",
+                "the answers have until the next step",
+            ),
+            ("", "answer_within = \"1 ms\"", "no bus has an interface"),
+            (
+                "interface = \"/dev/ttyACM0\"",
+                "command_within = \"1 ms\"\nanswer_within = \"1500 us\"",
+                "a step that waits for 2.5ms in all, of a period of 2ms",
+            ),
+        ] {
+            let found = refused(interface, config);
+            assert!(found.contains(words), "{config}: {found}");
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! The components in real time, over unix sockets: a controller answers each state by a command.
+
+use motorium::prelude::*;
+use motorium::testing::{Function, Graph};
+use motorium_can::{CanAdapter, DriveSimulation};
+use motorium_physics::ArticulatedPhysics;
+use serde_json::Value;
+
+use super::components::{DRIVES, Folder, adapter, command};
+
+/// The result of an adapter of 20 Hz with this in its configuration.
+fn run(name: &str, config: &str) -> Value {
+    // the machine may be busy: what is measured here is the order of a step
+    let drives = DRIVES.replace("\"20 ms\"", "\"5 s\"");
+    let folder = Folder::new(name, &drives);
+    let place = |bus: &str| format!("{bus} = \"unix:{name}-{bus}-{}\"", std::process::id());
+    let interfaces = format!("{{ {}, {} }}", place("can0"), place("can1"));
+    let text = format!(
+        r#"
+name  = "real-time"
+clock = "realtime"
+
+[robot.arm]
+urdf = "planar-3r"
+
+[component.physics]
+kind      = "physics.articulated"
+robot     = "arm"
+rate      = "1 kHz"
+subscribe = {{ joint_command = "arm/efforts" }}
+publish   = {{ joint_state = "arm/true_state" }}
+config    = {{ plant = true, position = [0.3, 0.8, -0.8] }}
+
+[component.drives]
+kind      = "can.drive_sim"
+robot     = "arm"
+rate      = "1 kHz"
+subscribe = {{ joint_state = "arm/true_state" }}
+publish   = {{ joint_command = "arm/efforts" }}
+config    = {{ drives = "drives.toml", interfaces = {interfaces} }}
+
+[component.adapter]
+kind      = "can.adapter"
+robot     = "arm"
+rate      = "20 Hz"
+subscribe = {{ joint_command = "arm/command" }}
+publish   = {{ joint_state = "arm/state" }}
+config    = {{ drives = "drives.toml", interfaces = {interfaces}, {config} }}
+
+[safety]
+stale_after = "5 s"
+"#
+    );
+    let answer = |_: &Tick, _: Option<&JointState>| Some(command());
+    let controller = Function::new("commands", "arm/state", "arm/command", answer).trigger("arm/state");
+    let graph = Graph::from_toml(text)
+        .at(&folder.0.join("graph.toml"))
+        .kind::<ArticulatedPhysics>()
+        .kind::<DriveSimulation>()
+        .kind::<CanAdapter>()
+        .with(controller);
+    let report = graph.run("4 s").unwrap();
+    adapter(&report).clone()
+}
+
+/// The median time from a command to its frames, microseconds, of a run in which the drives followed a while: where the machine is so
+/// busy that answers are lost, the adapter trips, as it should.
+fn median(name: &str, config: &str) -> f64 {
+    let mut runs = (0..5).map(|turn| run(&format!("{name}-{turn}"), config));
+    let followed = |result: &Value| result["command_to_frame_us"]["count"].as_u64() >= Some(20);
+    let result = runs.find(followed).expect("a run in which the drives follow");
+    result["command_to_frame_us"]["p50"].as_f64().expect("a number")
+}
+
+#[test]
+fn a_step_that_waits_for_its_command_sends_it_at_once_and_one_that_does_not_a_cycle_later() {
+    let (at_once, later) = (median("at-once", "command_within = \"20 ms\""), median("later", ""));
+    assert!(at_once < later / 2.0, "{at_once} us and {later} us");
+}
