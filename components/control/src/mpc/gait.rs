@@ -68,7 +68,7 @@ impl Gait {
     /// Beginning of the swing that `foot` is in at `time` \[s\], if the gait went on for ever.
     fn swing_began(&self, foot: usize, time: f64) -> Option<f64> {
         let phase = (time / self.period - self.offsets[foot]).rem_euclid(1.0);
-        (phase >= self.duty).then(|| time - (phase - self.duty) * self.period)
+        (phase >= self.duty).then_some(time - (phase - self.duty) * self.period)
     }
 }
 

@@ -37,6 +37,8 @@ pub struct PlannerSettings {
     pub height: Option<f64>,
     /// Largest distance of the reference from the measured centre of mass in the plane \[m\].
     pub max_lead: f64,
+    /// Largest angle of the reference from the measured heading \[rad\].
+    pub max_turn: f64,
     /// Height by which a foot is lifted half-way \[m\].
     pub clearance: f64,
     /// Largest distance by which a step is moved against a velocity error \[m\].
@@ -133,8 +135,7 @@ impl LegPlanner {
     pub fn begin(&mut self, state: &MotionState<'_>) {
         let MotionState { model, kinematics, .. } = *state;
         let centre = kinematics.centre_of_mass(model).position;
-        let ahead = base_rotation(state.q) * Vector3::x();
-        self.reference.begin(&centre, ahead.y.atan2(ahead.x));
+        self.reference.begin(&centre, heading(&base_rotation(state.q)));
         self.stepping.reset();
         self.mpc.reset();
         (self.solved, self.time) = (None, 0.0);
@@ -143,7 +144,7 @@ impl LegPlanner {
         }
     }
 
-    /// Plans a step of `dt` seconds from the measured state, at a wanted velocity, in strides or on all feet.
+    /// Plans a step of `dt` seconds from the measured state: in strides at a wanted velocity, or at rest on all feet.
     ///
     /// # Errors
     /// [`SolveError`]: the forces before still hold.
@@ -157,7 +158,9 @@ impl LegPlanner {
         let MotionState { model, kinematics, q, v } = *state;
         let centre = kinematics.centre_of_mass(model);
         self.stepping.set(strides, self.time);
-        self.reference.follow(wanted, self.settings.acceleration, dt);
+        // on all feet the body does not leave them
+        let wanted = if strides { *wanted } else { PlanarVelocity::default() };
+        self.reference.follow(&wanted, self.settings.acceleration, dt);
         self.place_feet(state, (&centre.position, &centre.velocity));
         let base = base_rotation(q);
         let turned = base * Rotation3::from_axis_angle(&Vector3::z_axis(), -self.reference.heading());
@@ -173,8 +176,8 @@ impl LegPlanner {
             self.fill_horizon();
             self.dynamics.centroidal_map(model, q, &mut self.momentum);
             let inertia: Matrix3<f64> = self.momentum.fixed_view::<3, 3>(3, 3) * base.matrix().transpose();
-            let heading = self.reference.heading();
-            let solved = self.mpc.solve(&self.state, (&inertia, heading), elapsed.unwrap_or(0.0));
+            let about = (&inertia, self.reference.heading());
+            let solved = self.mpc.solve(&self.state, about, elapsed.unwrap_or(0.0));
             if solved.is_ok() {
                 self.solved = Some(self.time);
             }
@@ -182,7 +185,8 @@ impl LegPlanner {
         } else {
             Ok(())
         };
-        self.reference.advance(dt, &centre.position, self.settings.max_lead);
+        let most = (self.settings.max_lead, self.settings.max_turn);
+        self.reference.advance(dt, (&centre.position, heading(&base)), most);
         self.time += dt;
         solved
     }
@@ -334,6 +338,12 @@ impl LegPlanner {
 fn base_rotation(q: &[f64]) -> Rotation3<f64> {
     let quaternion = Quaternion::new(q[6], q[3], q[4], q[5]);
     UnitQuaternion::from_quaternion(quaternion).to_rotation_matrix()
+}
+
+/// The heading of a base: where its x points, from above.
+fn heading(base: &Rotation3<f64>) -> f64 {
+    let ahead = base * Vector3::x();
+    ahead.y.atan2(ahead.x)
 }
 
 /// The axes of the heading of the reference after `time` seconds.

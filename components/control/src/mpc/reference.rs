@@ -1,5 +1,7 @@
 //! The motion that a planner asks for.
 
+use std::f64::consts::PI;
+
 use nalgebra::{Rotation2, Vector2, Vector3};
 
 /// A velocity in the plane, in the axes of a heading.
@@ -61,15 +63,24 @@ impl Reference {
         self.velocity.yaw_rate += (wanted.yaw_rate - self.velocity.yaw_rate).clamp(-step, step);
     }
 
-    /// Moves by `dt` seconds, and stays within `most` of the measured centre of mass in the plane \[m\].
-    pub fn advance(&mut self, dt: f64, measured: &Vector3<f64>, most: f64) {
+    /// Moves by `dt` seconds, and stays near the measured centre of mass and heading: within these distances in the plane \[m\] and about
+    /// the vertical \[rad\].
+    pub fn advance(
+        &mut self,
+        dt: f64,
+        (measured, turned): (&Vector3<f64>, f64),
+        (most, most_turn): (f64, f64),
+    ) {
         let (place, _, heading) = self.after(dt);
         let (measured, mut lead) = (measured.xy(), place.xy() - measured.xy());
         let size = lead.norm();
         if size > most {
             lead *= most / size;
         }
-        (self.place, self.heading) = (measured + lead, heading);
+        // of whole turns the nearest
+        let ahead = (heading - turned + PI).rem_euclid(2.0 * PI) - PI;
+        let beyond = ahead - ahead.clamp(-most_turn, most_turn);
+        (self.place, self.heading) = (measured + lead, heading - beyond);
     }
 
     /// Place \[m\], velocity \[m/s\] and heading \[rad\] after `time` seconds at the present velocity: an arc of a circle.
@@ -138,9 +149,11 @@ mod tests {
         assert!((reference.velocity().yaw_rate + 0.2).abs() < 1e-12);
         for _ in 0..100 {
             reference.follow(&wanted, 2.0, 0.1);
-            reference.advance(0.1, &Vector3::zeros(), 0.05);
+            reference.advance(0.1, (&Vector3::zeros(), 7.0), (0.05, 0.3));
         }
         assert_eq!(reference.velocity(), &wanted);
         assert!((reference.after(0.0).0.xy().norm() - 0.05).abs() < 1e-12);
+        // a heading of 7 rad is one of 7 - 2 pi rad, which it goes ahead of to the right
+        assert!(((reference.heading() - 6.7) / (2.0 * PI)).fract().abs() < 1e-9, "{}", reference.heading());
     }
 }

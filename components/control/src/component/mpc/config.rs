@@ -37,6 +37,8 @@ pub struct MpcConfig {
     pub height: Option<f64>,
     /// Largest distance of the reference from the measured centre of mass in the plane, m, 1e-3 to 10. Default 0.05.
     pub max_lead: f64,
+    /// Largest angle of the reference from the measured heading, rad, 1e-3 to 3. Default 0.3.
+    pub max_turn: f64,
     /// Coefficient of friction of all feet, 1e-3 to 10. Default: that of each foot in the profile, or 0.6.
     pub friction: Option<f64>,
     /// Largest normal force at a point of a foot, N, from 1e-3. Default: twice the robot's weight.
@@ -167,6 +169,7 @@ impl Default for MpcConfig {
             acceleration: 1.0,
             height: None,
             max_lead: 0.05,
+            max_turn: 0.3,
             friction: None,
             max_force: None,
             gravity: gravity(),

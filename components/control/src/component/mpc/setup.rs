@@ -140,6 +140,7 @@ fn settings(config: &MpcConfig, model: &Model) -> Result<PlannerSettings, Config
         acceleration: in_range("acceleration", config.acceleration, 1e-3..=1000.0)?,
         height,
         max_lead: in_range("max_lead", config.max_lead, 1e-3..=10.0)?,
+        max_turn: in_range("max_turn", config.max_turn, 1e-3..=3.0)?,
         clearance: gait.map_or(0.0, |gait| gait.clearance),
         max_capture: gait.map_or(0.0, |gait| gait.max_capture),
         ramp: gait.map_or(0.0, |gait| gait.ramp.as_secs_f64()),
