@@ -73,3 +73,29 @@ fn gait_frequency_and_phases_of_a_running_quadruped_are_set_at_once_or_not_at_al
     let policy = &ended.report().results["policy"];
     assert_eq!((&policy["gait"], &policy["gait_changes"]), (&json!("bound"), &json!(1)), "{}", ended.stderr);
 }
+
+#[test]
+fn the_quadruped_trots_by_model_predictive_control_at_the_velocity_that_it_is_told() {
+    let _machine = machine();
+    let graph = workspace().join("graphs/quadruped-mpc.toml");
+    let trot =
+        |arguments: &[&str]| run(&graph, &[&["--clock", "lockstep", "--for", "6 s"], arguments].concat());
+    let ended = trot(&[]);
+    let report = ended.report();
+    let planner = &report.results["planner"];
+    let number = |key: &str| planner[key].as_f64().unwrap_or_else(|| panic!("no {key} in {planner}"));
+    // 0.3 m/s from 1 s on, within 1 m/s2
+    let forward = number("forward_m");
+    assert!((forward - 1.455).abs() < 0.1, "it went {forward} m ahead in 6 s");
+    assert!(number("largest_turn_rad") < 0.2, "{planner}");
+    assert_eq!(planner["steps_without_solution"], 0);
+    assert_eq!(report.results["controller"]["steps_without_solution"], 0);
+    for component in &report.components {
+        assert_eq!(component.allocations, Some(0), "{}", component.name);
+        assert_eq!(component.allocations_apart.unwrap_or(0), 0, "{}", component.name);
+    }
+    assert_eq!(report.state_hash, trot(&[]).report().state_hash);
+    let aside = trot(&["--set", "planner.config.velocity=[0.0, 0.15, 0.0]"]);
+    let moved = aside.report().results["physics"]["base_travel_y_m"].as_f64().expect("a number");
+    assert!((moved - 0.74).abs() < 0.1, "it went {moved} m aside");
+}

@@ -16,7 +16,7 @@
 //!
 //! At the level of torques, with contacts and floating bases, [`inverse_dynamics`] does the same.
 //!
-//! Bases move by [`wheels`], robots on rotors by [`multirotor`].
+//! Legged robots plan contact forces ahead by [`mpc`]. Bases move by [`wheels`], robots on rotors by [`multirotor`].
 //!
 //! All of it is plain computation on a [`motorium_robots::Model`], without clock, topics or threads. Everything
 //! is allocated at construction; a tick allocates nothing of its own. [`QpController`], the component `control.qp`,
@@ -70,6 +70,7 @@ mod ik;
 pub mod inverse_dynamics;
 mod levels;
 pub mod limits;
+pub mod mpc;
 pub mod multirotor;
 mod setpoint;
 pub mod solver;

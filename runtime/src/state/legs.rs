@@ -1,10 +1,10 @@
-//! Legged robots: contacts of the feet, and the estimated state of the base.
+//! Legged robots: contacts of the feet, measured and planned, and the estimated state of the base.
 
 #![allow(unsafe_code)] // `Field` implementations that look only at the used part of their arrays
 
 use super::counted::counted_buffer;
 
-/// The most feet of one [`FootContacts`].
+/// The most feet of one [`FootContacts`] and one [`ContactSchedule`].
 pub const MAX_FEET: usize = 16;
 
 counted_buffer! {
@@ -24,6 +24,25 @@ counted_buffer! {
             contact, contact_mut: u32;
             /// Size of the force on the foot, N.
             force, force_mut: f64;
+        }
+    }
+}
+
+counted_buffer! {
+    /// Contacts of a robot's feet as a planner wants them, in the order of the names of the feet in its profile.
+    ///
+    /// ```
+    /// use motorium::state::ContactSchedule;
+    ///
+    /// let mut schedule = ContactSchedule::default();
+    /// schedule.set_count(2);
+    /// schedule.load_mut().copy_from_slice(&[1.0, 0.0]);
+    /// assert_eq!(schedule.load(), [1.0, 0.0]); // it stands on the first foot
+    /// ```
+    pub struct ContactSchedule as "motorium.ContactSchedule", at most MAX_FEET {
+        counted {
+            /// Share of its load that the foot may carry, from 0, lifted, to 1.
+            load, load_mut: f64;
         }
     }
 }

@@ -40,7 +40,7 @@ pub use layout::{FieldLayout, TypeLayout};
 pub use learning::{
     Action, MAX_ACTION, MAX_DRAWN, MAX_OBSERVATION, MAX_WEIGHTS, Observation, Randomisation, Reward, Weights,
 };
-pub use legs::{BaseEstimate, FootContacts, MAX_FEET};
+pub use legs::{BaseEstimate, ContactSchedule, FootContacts, MAX_FEET};
 pub use motion::{BaseState, ImuSample, Odometry, Phase, PoseTarget, TwistTarget, Wrench};
 pub use numbers::{number, numbered};
 pub use people::{Controls, Event, MAX_AXES, MAX_EVENT_TEXT, MAX_TEXT, Text};

@@ -2,10 +2,11 @@
 //! by it.
 
 use super::{
-    Action, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, ContactImpulses, Contacts,
-    ControlDiagnostics, Controls, EmergencyStop, Event, FootContacts, GeoFix, HeightScan, ImageInfo,
-    ImuSample, JointCommand, JointState, MagneticField, ObjectPoses, Observation, Odometry, Phase,
-    PoseTarget, Randomisation, Ranges, Reward, StateBuffer, Text, TwistTarget, TypeLayout, Weights, Wrench,
+    Action, Altitude, BaseEstimate, BaseState, BusHealth, CanFrame, CloudPoint, ContactImpulses,
+    ContactSchedule, Contacts, ControlDiagnostics, Controls, EmergencyStop, Event, FootContacts, GeoFix,
+    HeightScan, ImageInfo, ImuSample, JointCommand, JointState, MagneticField, ObjectPoses, Observation,
+    Odometry, Phase, PoseTarget, Randomisation, Ranges, Reward, StateBuffer, Text, TwistTarget, TypeLayout,
+    Weights, Wrench,
 };
 
 macro_rules! numbers {
@@ -86,6 +87,7 @@ numbers! {
     31 Randomisation,
     32 ControlDiagnostics,
     33 ContactImpulses,
+    34 ContactSchedule,
 }
 
 #[cfg(test)]

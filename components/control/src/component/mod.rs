@@ -6,6 +6,8 @@ mod collision_limits;
 mod config;
 mod diagnostics_output;
 mod frame_limits;
+mod measured;
+mod mpc;
 mod multirotor;
 mod objects;
 mod setup;
@@ -19,6 +21,7 @@ pub use centre_of_mass_limit::CentreOfMassLimitConfig;
 pub use collision_limits::{AllObjects, CollisionConfig, LevelGround, OfWorld, WorldObjects};
 pub use config::{Feedback, LevelConfig, LimitsConfig, QpControllerConfig};
 pub use frame_limits::FrameLimitConfig;
+pub use mpc::{GaitConfig, HorizonConfig, MpcConfig, MpcPlanner, WeightsConfig};
 pub use multirotor::{MultirotorConfig, MultirotorController};
 pub use support_limits::{SupportConfig, SupportedPoint};
 pub use tasks::*;
@@ -160,6 +163,11 @@ fn period_ns(tick: &Tick) -> u64 {
 /// let names: Vec<_> = motorium_control::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"control.qp"));
 /// ```
-pub fn kinds() -> [Kind; 3] {
-    [Kind::of::<QpController>(), Kind::of::<WheelController>(), Kind::of::<MultirotorController>()]
+pub fn kinds() -> [Kind; 4] {
+    [
+        Kind::of::<QpController>(),
+        Kind::of::<MpcPlanner>(),
+        Kind::of::<WheelController>(),
+        Kind::of::<MultirotorController>(),
+    ]
 }

@@ -1,11 +1,12 @@
 //! The checked parts of a controller that need no topic. Every mistake is named by its key.
 
 use motorium::prelude::*;
-use motorium_robots::{BasePose, Gains, Loaded, Model, PerJoint, Profile, RobotSource, World};
+use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, World};
 use nalgebra::{DVector, Vector3};
 
 use super::checks::{in_range, is_name, per_joint};
 use super::config::{LevelConfig, QpControllerConfig};
+use super::measured::load_robot;
 use super::objects;
 use super::support_limits::HeldSupport;
 use super::tasks::{CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskHead, TaskKind, TaskPlace};
@@ -36,16 +37,7 @@ pub(super) struct ControllerSetup {
 impl ControllerSetup {
     /// Loads the robot and checks everything but the tasks' own tables.
     pub(super) fn new(config: &QpControllerConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
-        let source = RobotSource {
-            name: &robot.name,
-            text: &robot.urdf,
-            base: &robot.base,
-            pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
-            profile: robot.profile.as_deref(),
-            packages: &robot.package_path,
-        };
-        let Loaded { model, profile, .. } =
-            source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;
+        let Loaded { model, profile, .. } = load_robot(robot)?;
         if model.base().floating && config.inverse_dynamics.is_none() {
             let message = format!(
                 "robot `{}` has a floating base, which joint velocities alone do not move",

@@ -5,10 +5,11 @@ mod config;
 pub use config::MultirotorConfig;
 
 use motorium::prelude::*;
-use motorium_robots::{BasePose, Kinematics, Loaded, RobotSource, Spin};
+use motorium_robots::{Kinematics, Loaded, Spin};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::checks::in_range;
+use super::measured::load_robot;
 use crate::multirotor::{Flight, FlightControl, FlightSettings, FlightTarget, Mixer, Propeller};
 use crate::{GoalError, GoalRecord, GoalTolerance};
 
@@ -76,15 +77,7 @@ impl Parts {
             return Err(ConfigError::key("attitude_frequency", message));
         }
         let refused = |message: String| ConfigError::key("robot", message);
-        let source = RobotSource {
-            name: &robot.name,
-            text: &robot.urdf,
-            base: &robot.base,
-            pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
-            profile: robot.profile.as_deref(),
-            packages: &robot.package_path,
-        };
-        let Loaded { model, profile, .. } = source.load().map_err(|error| refused(error.to_string()))?;
+        let Loaded { model, profile, .. } = load_robot(robot)?;
         let rotors = profile.map(|profile| profile.rotors).unwrap_or_default();
         if rotors.is_empty() {
             let message = format!("robot `{}` has no rotors: its profile has no [rotors.NAME]", robot.name);

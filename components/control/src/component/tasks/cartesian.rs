@@ -39,6 +39,8 @@ pub struct CartesianConfig {
     pub position_weight: f64,
     /// Cost of an angular velocity error, 1/(rad/s), 0 to 1000. Default 0.5.
     pub orientation_weight: f64,
+    /// Contact of `inverse_dynamics`, such as a foot: the task counts only while it is lifted. Default: it always counts.
+    pub while_lifted: Option<String>,
     /// Factors of both weights by axis: what has none is free. Default: the whole pose counts.
     pub axes: Option<AxesConfig>,
     /// Largest speed at which an error is corrected, m/s. Default: no limit.
@@ -66,6 +68,7 @@ impl Default for CartesianConfig {
             impedance: None,
             position_weight: settings.position_weight,
             orientation_weight: settings.orientation_weight,
+            while_lifted: None,
             axes: None,
             max_linear_speed: None,
             max_angular_speed: None,
@@ -91,6 +94,11 @@ impl CartesianConfig {
             shares: self.axes.as_ref().map(|axes| axes.shares(place)).transpose()?,
         };
         Ok(CartesianTask::new(model, frame).with(settings))
+    }
+
+    /// The contact while which is lifted it counts.
+    fn lifted(&self, place: &TaskPlace<'_>) -> Result<Option<usize>, ConfigError> {
+        self.while_lifted.as_ref().map(|name| place.contact("while_lifted", name)).transpose()
     }
 
     /// Spring and damper, if it has them.
@@ -146,6 +154,7 @@ impl TaskKind for CartesianConfig {
 
     fn declare(&self, place: &TaskPlace<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         self.build(place)?;
+        self.lifted(place)?;
         self.tolerance(place)?;
         self.spring(place)?;
         declare.input::<PoseTarget>(&self.target, "pose and velocity of the frame, in the world frame");
@@ -178,6 +187,7 @@ impl TaskKind for CartesianConfig {
             pull,
             position_weight,
             orientation_weight,
+            lifted: self.lifted(place)?,
             goals: GoalRecord::new(self.tolerance(place)?),
             current: None,
             refused: 0,
@@ -201,6 +211,8 @@ struct Cartesian {
     pull: Pull,
     position_weight: Ramped,
     orientation_weight: Ramped,
+    /// Contact while which is lifted it counts.
+    lifted: Option<usize>,
     goals: GoalRecord,
     /// The newest target with a usable orientation.
     current: Option<PoseTarget>,
@@ -294,6 +306,10 @@ impl HeldTask for Cartesian {
 
     fn acceleration(&mut self) -> Option<&mut dyn AccelerationTask> {
         self.acceleration.as_mut().map(|task| task as &mut dyn AccelerationTask)
+    }
+
+    fn while_lifted(&self) -> Option<usize> {
+        self.lifted
     }
 
     fn record(&mut self, measured: &RobotState<'_>, dt: f64) {

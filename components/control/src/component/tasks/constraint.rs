@@ -90,6 +90,10 @@ impl HeldTask for Constraint {
         self.0.acceleration()
     }
 
+    fn while_lifted(&self) -> Option<usize> {
+        self.0.while_lifted()
+    }
+
     fn is_constraint(&self) -> bool {
         true
     }

@@ -50,14 +50,7 @@ impl Default for ContactWrenchConfig {
 
 impl ContactWrenchConfig {
     fn build(&self, place: &TaskPlace<'_>) -> Result<ContactWrench, ConfigError> {
-        let Some(contact) = place.contacts.iter().position(|contact| contact.name == self.contact) else {
-            let names: Vec<_> = place.contacts.iter().map(|contact| contact.name.as_str()).collect();
-            let message = format!("there is no contact `{}`", self.contact);
-            return Err(ConfigError::key(place.key("contact"), message).advise(match names.is_empty() {
-                true => "add `contacts` to `inverse_dynamics`".to_owned(),
-                false => format!("the contacts are {}", names.join(", ")),
-            }));
-        };
+        let contact = place.contact("contact", &self.contact)?;
         for value in self.force.iter().chain(&self.torque) {
             place.in_range("force", *value, f64::MIN..=f64::MAX)?;
         }

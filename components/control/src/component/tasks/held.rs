@@ -3,6 +3,7 @@
 use motorium::prelude::*;
 
 use super::{Fades, Ramped, TaskPlace};
+use crate::inverse_dynamics::InverseDynamics;
 use crate::inverse_dynamics::tasks::{AccelerationTask, JointVelocities, JointVelocityAcceleration};
 use crate::limits::RowLimit;
 use crate::tasks::Task;
@@ -14,6 +15,17 @@ pub(in crate::component) struct Held {
     /// 0 for the highest.
     pub(in crate::component) level: usize,
     pub(in crate::component) task: Box<dyn HeldTask>,
+}
+
+impl Held {
+    /// The cost on accelerations or forces; `None` if the task has none, or does not count while its contact carries a load.
+    pub(in crate::component) fn counting(
+        &mut self,
+        control: &InverseDynamics,
+    ) -> Option<&mut dyn AccelerationTask> {
+        let rests = self.task.while_lifted().is_some_and(|contact| control.is_active(contact));
+        if rests { None } else { self.task.acceleration() }
+    }
 }
 
 /// A task of a running controller, with its input and its parameters.
@@ -42,6 +54,11 @@ pub(in crate::component) trait HeldTask {
 
     /// Limits that give way, and the cost of a velocity beyond them.
     fn limits(&mut self) -> Option<(&mut [Box<dyn RowLimit>], f64)> {
+        None
+    }
+
+    /// The contact without whose load alone it counts.
+    fn while_lifted(&self) -> Option<usize> {
         None
     }
 

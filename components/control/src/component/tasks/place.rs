@@ -42,6 +42,18 @@ impl<'a> TaskPlace<'a> {
         self.model.frame(link).map_err(|error| ConfigError::key(self.key(name), error.to_string()))
     }
 
+    /// The contact that the key `name` names.
+    pub(super) fn contact(&self, name: &str, contact: &str) -> Result<usize, ConfigError> {
+        self.contacts.iter().position(|other| other.name == contact).ok_or_else(|| {
+            let names: Vec<_> = self.contacts.iter().map(|contact| contact.name.as_str()).collect();
+            let message = format!("there is no contact `{contact}`");
+            ConfigError::key(self.key(name), message).advise(match names.is_empty() {
+                true => "add `contacts` to `inverse_dynamics`".to_owned(),
+                false => format!("the contacts are {}", names.join(", ")),
+            })
+        })
+    }
+
     /// The direction that the key `name` gives.
     pub(super) fn axis(&self, name: &str, axis: [f64; 3]) -> Result<Unit<Vector3<f64>>, ConfigError> {
         Unit::try_new(Vector3::from(axis), 1e-9)

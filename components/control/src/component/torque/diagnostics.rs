@@ -88,7 +88,7 @@ impl Diagnostics {
         self.undecided += u64::from(solution.undecided);
         self.active.add(solution.active as f64);
         for (figure, held) in self.residuals.iter_mut().zip(tasks) {
-            if let Some(task) = held.task.acceleration() {
+            if let Some(task) = held.counting(control) {
                 figure.add(control.residual(task));
             }
         }

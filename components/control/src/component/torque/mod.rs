@@ -3,45 +3,39 @@
 mod config;
 mod diagnostics;
 mod solve;
+mod switches;
 
 pub use config::{ContactConfig, InfeasiblePolicy, InverseDynamicsConfig, WrenchConfig};
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium::state::ControlDiagnostics;
-use motorium_robots::{Gains, Kinematics, Model};
+use motorium_robots::Gains;
 
 use super::config::QpControllerConfig;
 use super::diagnostics_output::{DiagnosticsOutput, push_name};
+use super::measured::{Freshness, MeasuredState};
 use super::objects::MovingObjects;
 use super::setup::{ControllerSetup, RowLimits};
 use super::tasks::{Fades, Held, TaskBounds};
 use super::{period_ns, results};
+use crate::JointSetpoint;
 use crate::inverse_dynamics::{
     Conflicting, DynamicsRows, InverseDynamics, InverseDynamicsSettings, JointAccelerationLimits,
 };
-use crate::{JointSetpoint, RobotState};
 use diagnostics::Diagnostics;
-
-/// Normal force at each point of a contact up to which it is loaded, as a multiple of the robot's weight.
-const LOADED: f64 = 2.0;
+use switches::ContactSwitches;
 
 /// A controller of torques, see [`InverseDynamics`].
 pub(super) struct TorqueController {
-    joint_state: Input<JointState>,
-    base_state: Option<Input<BaseState>>,
+    measured: MeasuredState,
     joint_command: Output<JointCommand>,
     output: DiagnosticsOutput,
-    model: Model,
-    /// At the measured state.
-    kinematics: Kinematics,
-    q: Vec<f64>,
-    v: Vec<f64>,
     /// In the order of the configuration.
     tasks: Vec<Held>,
     fades: Fades,
     control: InverseDynamics,
-    contacts: Vec<ContactSwitch>,
+    contacts: ContactSwitches,
     limits: RowLimits,
     objects: MovingObjects,
     /// The integrated accelerations.
@@ -55,7 +49,6 @@ pub(super) struct TorqueController {
     began_for: f64,
     policy: InfeasiblePolicy,
     max_lead: f64,
-    contact_ramp: f64,
     state_timeout_ns: u64,
     target_timeout_ns: u64,
     task_ramp: f64,
@@ -64,22 +57,12 @@ pub(super) struct TorqueController {
     velocity_fraction: Parameter<f64>,
     joints: JointAccelerationLimits,
     clock: RunClock,
-    state_ns: u64,
     last_ns: Option<u64>,
     /// True while the last step had no solution.
     failing: bool,
     /// The constraints that left the last step without a solution.
     conflict: Option<Conflicting>,
     diagnostics: Diagnostics,
-}
-
-/// The share of its load that a contact may carry, which follows a parameter.
-struct ContactSwitch {
-    parameter: Parameter<f64>,
-    load: f64,
-    /// Largest normal force at each point under full load \[N\], and while it is ramped.
-    max_force: f64,
-    ramped: f64,
 }
 
 impl TorqueController {
@@ -89,10 +72,8 @@ impl TorqueController {
         declare: &mut Declare,
     ) -> Result<(), ConfigError> {
         config.settings(&QpControllerConfig::default())?;
-        for contact in config.contacts(&parts.model, parts.profile.as_ref())? {
-            let doc = "share of its load that the contact may carry: 0 lifts it, ramped";
-            declare.float(&format!("{}_contact", contact.name), 1.0, 0.0..=1.0, "", doc);
-        }
+        let contacts = config.contacts(&parts.model, parts.profile.as_ref())?;
+        ContactSwitches::declare(&contacts, parts, declare);
         Ok(())
     }
 
@@ -119,28 +100,15 @@ impl TorqueController {
         let settings: InverseDynamicsSettings = table.settings(config)?;
         let objects = MovingObjects::configure(config, &parts, setup)?;
         let (damping, fades) = (parts.level_damping(config)?, Fades::new(parts.parameter_count()));
+        let loads = (parts.model.mass() * settings.gravity.norm(), table.contact_ramp.as_secs_f64());
+        let switches = ContactSwitches::configure(&contacts, &parts, loads, setup)?;
         let ControllerSetup { model, gains, .. } = parts;
-        let weight = model.mass() * settings.gravity.norm();
-        let switches = contacts
-            .iter()
-            .map(|contact| {
-                let parameter = setup.parameter(&format!("{}_contact", contact.name))?;
-                let max_force = contact.max_force;
-                Ok(ContactSwitch { parameter, load: 1.0, max_force, ramped: max_force.min(LOADED * weight) })
-            })
-            .collect::<Result<Vec<_>, ConfigureError>>()?;
         let control = InverseDynamics::with_room(&model, contacts, settings, room)
             .levels(&rows)
             .level_damping(&damping);
-        let floating = model.base().floating;
         Ok(Self {
-            joint_state: setup.input("joint_state")?,
-            base_state: if floating { Some(setup.input("base_state")?) } else { None },
             joint_command: setup.output("joint_command")?,
             output: DiagnosticsOutput::configure(setup)?,
-            kinematics: Kinematics::new(&model),
-            q: model.neutral(),
-            v: vec![0.0; model.nv()],
             diagnostics: Diagnostics::new(tasks.len()),
             tasks,
             fades,
@@ -158,7 +126,6 @@ impl TorqueController {
             began_for: 0.0,
             policy: table.on_infeasible,
             max_lead: config.max_lead,
-            contact_ramp: table.contact_ramp.as_secs_f64(),
             state_timeout_ns: config.state_timeout.ns,
             target_timeout_ns: config.target_timeout.ns,
             task_ramp: config.task_ramp.as_secs_f64(),
@@ -166,20 +133,25 @@ impl TorqueController {
             kd_scale: setup.parameter("kd_scale")?,
             velocity_fraction: setup.parameter("velocity_fraction")?,
             clock: setup.clock(),
-            state_ns: 0,
             last_ns: None,
             failing: false,
             conflict: None,
-            model,
+            measured: MeasuredState::configure(model, setup)?,
         })
     }
 
     pub(super) fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        if !self.read_state()? {
-            return Ok(());
+        match self.measured.read(self.state_timeout_ns)? {
+            Freshness::Fresh => {}
+            Freshness::Missing => return Ok(()),
+            Freshness::Stale => {
+                self.diagnostics.stale += 1;
+                self.last_ns = None;
+                return Ok(());
+            }
         }
         let longest = self.state_timeout_ns.max(2 * period_ns(tick));
-        let now_ns = self.clock.grid_ns(tick, self.state_ns);
+        let now_ns = self.clock.grid_ns(tick, self.measured.time_ns);
         let unbroken = self.last_ns.replace(now_ns);
         let unbroken = unbroken.filter(|last| now_ns.saturating_sub(*last) <= longest);
         if unbroken.is_none() {
@@ -188,11 +160,11 @@ impl TorqueController {
         let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
         let bounds = self.prepare(dt, unbroken.is_none())?;
         let solved = self.solve(&bounds);
-        let measured = RobotState { model: &self.model, kinematics: &self.kinematics, q: &self.q };
+        let measured = self.measured.robot();
         for held in &mut self.tasks {
             held.task.record(&measured, dt);
         }
-        self.diagnostics.place(self.kinematics.centre_of_mass(&self.model).position);
+        self.diagnostics.place(measured.kinematics.centre_of_mass(measured.model).position);
         match (solved, self.policy) {
             (false, InfeasiblePolicy::SafeStop) => {}
             (solved, _) => self.publish(solved)?,
@@ -200,50 +172,14 @@ impl TorqueController {
         self.publish_diagnostics(solved)
     }
 
-    /// Reads the newest state of joints and base. False without a fresh one.
-    fn read_state(&mut self) -> Result<bool, StepError> {
-        let Some(state) = self.joint_state.latest() else { return Ok(false) };
-        self.state_ns = state.time_ns();
-        let mut stale = state.age_ns() > self.state_timeout_ns;
-        if state.count() != self.model.joint_count() {
-            return Err(StepError::failed(
-                "the joint state has another number of joints than the robot's model",
-            ));
-        }
-        let base = self.model.nv() - self.model.joint_count();
-        let base_q = self.model.nq() - self.model.joint_count();
-        self.q[base_q..].copy_from_slice(state.position());
-        self.v[base..].copy_from_slice(state.velocity());
-        if let Some(input) = &mut self.base_state {
-            let Some(state) = input.latest() else { return Ok(false) };
-            stale |= state.age_ns() > self.state_timeout_ns;
-            self.q[..3].copy_from_slice(&state.position);
-            self.q[3..7].copy_from_slice(&state.orientation);
-            self.v[..3].copy_from_slice(&state.linear_velocity);
-            self.v[3..6].copy_from_slice(&state.angular_velocity);
-            let length = self.q[3..7].iter().map(|part| part * part).sum::<f64>().sqrt();
-            // half the length of a unit quaternion is no rounding error
-            if !(0.5..2.0).contains(&length) {
-                return Err(StepError::failed("the orientation of the base state is no unit quaternion"));
-            }
-            self.q[3..7].iter_mut().for_each(|part| *part /= length);
-        }
-        if stale {
-            self.diagnostics.stale += 1;
-            self.last_ns = None;
-            return Ok(false);
-        }
-        self.kinematics.update_with_velocity(&self.model, &self.q, &self.v);
-        Ok(true)
-    }
-
     /// Begins at the measured state.
     fn begin(&mut self) {
-        self.reference.reset(self.model.joints_of_q(&self.q));
-        self.reference_velocity.copy_from_slice(self.model.joints_of_v(&self.v));
+        let (q, v) = self.measured.joints();
+        self.reference.reset(q);
+        self.reference_velocity.copy_from_slice(v);
         self.torque.fill(0.0);
         self.began_for = 0.0;
-        let start = RobotState { model: &self.model, kinematics: &self.kinematics, q: &self.q };
+        let start = self.measured.robot();
         for held in &mut self.tasks {
             held.task.begin(&start);
         }
@@ -260,14 +196,7 @@ impl TorqueController {
         }
         self.joints.velocity_fraction = self.velocity_fraction.get().max(1e-6);
         self.control.set_joint_limits(self.joints);
-        for (index, switch) in self.contacts.iter_mut().enumerate() {
-            let (wanted, step) = (switch.parameter.get(), dt / self.contact_ramp.max(dt));
-            switch.load += (wanted - switch.load).clamp(-step, step);
-            let full = switch.load >= 1.0;
-            self.control.set_active(index, switch.load > 0.0);
-            let most = if full { switch.max_force } else { switch.load * switch.ramped };
-            self.control.set_max_force(index, most);
-        }
+        self.contacts.apply(&mut self.control, dt, target_timeout_ns);
         let limits = &mut self.limits.rows;
         self.objects.update(|visit| limits.iter_mut().for_each(|limit| visit(limit.as_mut())))?;
         Ok(bounds)
@@ -286,7 +215,7 @@ impl TorqueController {
             }
             (message.iterations, message.undecided) = (solution.iterations, solution.undecided);
             for (residual, held) in message.residual_mut().iter_mut().zip(tasks) {
-                *residual = held.task.acceleration().map_or(0.0, |task| control.residual(task));
+                *residual = held.counting(control).map_or(0.0, |task| control.residual(task));
             }
             match slack {
                 Some(slack) => {
@@ -308,7 +237,7 @@ impl TorqueController {
         let share = if solved { self.impedance + stiff * (1.0 - self.impedance) } else { 1.0 };
         let (kp, kd) = (share * self.kp_scale.get(), share * self.kd_scale.get());
         let mut command = self.joint_command.loan()?;
-        command.set_count(self.model.joint_count());
+        command.set_count(self.measured.model.joint_count());
         command.position_mut().copy_from_slice(self.reference.position());
         if solved {
             command.velocity_mut().copy_from_slice(self.reference.velocity());
@@ -327,7 +256,7 @@ impl TorqueController {
         let limits = &mut self.limits.rows;
         self.objects.reset(|visit| limits.iter_mut().for_each(|limit| visit(limit.as_mut())));
         self.control.reset();
-        self.contacts.iter_mut().for_each(|switch| switch.load = 1.0);
+        self.contacts.reset();
         self.diagnostics.reset();
         (self.last_ns, self.failing) = (None, false);
     }
@@ -335,7 +264,8 @@ impl TorqueController {
     pub(super) fn result(&self) -> serde_json::Value {
         let mut result = results(&self.tasks);
         self.limits.add_to(&mut result);
-        self.diagnostics.add_to(&mut result, &self.control, &self.model, &self.tasks);
+        self.contacts.add_to(&mut result);
+        self.diagnostics.add_to(&mut result, &self.control, &self.measured.model, &self.tasks);
         result
     }
 }

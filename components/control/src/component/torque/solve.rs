@@ -2,7 +2,7 @@
 
 use super::TorqueController;
 use crate::component::tasks::TaskBounds;
-use crate::inverse_dynamics::{InverseDynamicsError, MotionState};
+use crate::inverse_dynamics::InverseDynamicsError;
 
 /// Time constant with which the integrated accelerations return to the measured motion, s.
 const LEAK: f64 = 0.2;
@@ -19,7 +19,7 @@ impl TorqueController {
             self.diagnostics.failed(conflict);
             self.conflict = conflict;
             if !std::mem::replace(&mut self.failing, true) {
-                self.reference.reset(self.model.joints_of_q(&self.q));
+                self.reference.reset(self.measured.joints().0);
             }
             self.reference_velocity.fill(0.0);
             return false;
@@ -29,19 +29,20 @@ impl TorqueController {
         self.began_for += dt;
         self.diagnostics.solved(&self.control, &mut self.tasks);
         if self.began_for <= self.stiff_start {
-            self.reference_velocity.copy_from_slice(self.model.joints_of_v(&self.v));
+            self.reference_velocity.copy_from_slice(self.measured.joints().1);
             return true;
         }
         let solution = self.control.solution();
-        let (measured, leak) = (self.model.joints_of_v(&self.v), dt / LEAK.max(dt));
-        let accelerations = self.model.joints_of_v(solution.acceleration.as_slice());
-        let limits = self.model.velocity_limit();
+        let model = &self.measured.model;
+        let ((positions, measured), leak) = (self.measured.joints(), dt / LEAK.max(dt));
+        let accelerations = model.joints_of_v(solution.acceleration.as_slice());
+        let limits = model.velocity_limit();
         let references = self.reference_velocity.iter_mut().zip(limits);
         for (((reference, limit), measured), a) in references.zip(measured).zip(accelerations) {
             *reference = (*reference + a * dt + leak * (measured - *reference)).clamp(-limit, *limit);
         }
         self.reference.integrate(&self.reference_velocity, dt);
-        self.reference.limit_tracking_error(self.model.joints_of_q(&self.q), self.max_lead);
+        self.reference.limit_tracking_error(positions, self.max_lead);
         true
     }
 
@@ -67,13 +68,13 @@ impl TorqueController {
 
     /// Solves the stack of the tasks as they are weighed.
     fn solve_tasks(&mut self, dt: f64) -> Result<(), InverseDynamicsError> {
-        let state = MotionState { model: &self.model, kinematics: &self.kinematics, q: &self.q, v: &self.v };
+        let state = self.measured.motion();
         self.control.begin(&state, dt);
         for held in &mut self.tasks {
-            let constraint = held.task.is_constraint();
-            match held.task.acceleration() {
+            let (level, constraint) = (held.level, held.task.is_constraint());
+            match held.counting(&self.control) {
                 Some(task) if constraint => self.control.constrain(&state, task),
-                Some(task) => self.control.add_task(&state, held.level, task),
+                Some(task) => self.control.add_task(&state, level, task),
                 None => {}
             }
         }

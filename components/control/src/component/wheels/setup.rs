@@ -1,12 +1,11 @@
 //! The checked parts of a controller of wheels, from the model and the profile of the robot.
 
 use motorium::prelude::*;
-use motorium_robots::{
-    BasePose, Gains, Kinematics, Loaded, MobileBase, Model, Profile, RobotSource, Steering,
-};
+use motorium_robots::{Gains, Kinematics, Loaded, MobileBase, Model, Profile, Steering};
 use nalgebra::{Isometry3, Vector3};
 
 use super::super::checks::in_range;
+use super::super::measured::load_robot;
 use super::config::WheelsConfig;
 use crate::wheels::{PlanarPose, Wheel, WheelBase, WheelDrive, WheelLimits};
 
@@ -35,16 +34,7 @@ pub(super) struct BaseJoint {
 
 impl WheelSetup {
     pub(super) fn new(config: &WheelsConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
-        let source = RobotSource {
-            name: &robot.name,
-            text: &robot.urdf,
-            base: &robot.base,
-            pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
-            profile: robot.profile.as_deref(),
-            packages: &robot.package_path,
-        };
-        let Loaded { model, profile, .. } =
-            source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;
+        let Loaded { model, profile, .. } = load_robot(robot)?;
         check_numbers(config)?;
         if model.joint_count() > MAX_JOINTS {
             let message = format!("{} joints, at most {MAX_JOINTS} fit", model.joint_count());

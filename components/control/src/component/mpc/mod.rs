@@ -1,0 +1,244 @@
+//! `control.mpc`: a planner of contact forces, contacts and swings of a legged robot.
+
+mod config;
+mod setup;
+
+pub use config::{GaitConfig, HorizonConfig, MpcConfig, WeightsConfig};
+
+use motorium::component::RunClock;
+use motorium::prelude::*;
+use motorium::state::ContactSchedule;
+use nalgebra::Vector2;
+
+use super::measured::{Freshness, MeasuredState};
+use super::period_ns;
+use crate::mpc::{LegPlanner, PlanarVelocity};
+use setup::MpcSetup;
+
+/// A planner of contact forces, contacts and swings of the feet of a robot that follows a velocity, by model-predictive control of its
+/// centroidal motion ([`LegPlanner`]).
+///
+/// It begins with the first state, on all feet. Without a fresh state it plans nothing, so that its readers see that its plan is old,
+/// and begins anew with the next one. If a horizon has no solution the forces of the one before hold.
+pub struct MpcPlanner {
+    measured: MeasuredState,
+    target: Input<TwistTarget>,
+    schedule: Output<ContactSchedule>,
+    centre: Output<PoseTarget>,
+    feet: Vec<FootOutputs>,
+    strides: Parameter<bool>,
+    speed_factor: Parameter<f64>,
+    planner: LegPlanner,
+    config: MpcConfig,
+    stand_for: f64,
+    clock: RunClock,
+    last_ns: Option<u64>,
+    /// Time since it began, s.
+    began_for: f64,
+    figures: Figures,
+}
+
+/// Outputs of a foot.
+struct FootOutputs {
+    wrench: Output<Wrench>,
+    target: Output<PoseTarget>,
+}
+
+/// Figures of a run.
+#[derive(Clone, Copy, Debug, Default)]
+struct Figures {
+    steps: u64,
+    solved: u64,
+    unsolved: u64,
+    stale: u64,
+    iterations: u64,
+    most_iterations: u32,
+    largest_turn: f64,
+    largest_error: f64,
+    start: Option<[f64; 2]>,
+    end: [f64; 2],
+    /// Length of the way along the heading, m.
+    forward: f64,
+}
+
+impl Component for MpcPlanner {
+    const KIND: &'static str = "control.mpc";
+    const SUMMARY: &'static str = "plans contact forces, contacts and swings of legs by model-predictive control of the centroidal motion";
+    const READS_GRAVITY: bool = true;
+    const RESETS: bool = true;
+    type Config = MpcConfig;
+
+    fn declare(config: &MpcConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        let robot = declare.robot().ok_or_else(|| {
+            ConfigError::new("the component names no robot to plan for")
+                .advise("add `robot = \"NAME\"` to the component")
+        })?;
+        let setup = MpcSetup::new(config, robot)?;
+        declare.input::<JointState>("joint_state", "measured joint state of the robot");
+        declare.input::<BaseState>("base_state", "measured or estimated pose and velocity of the base");
+        declare.optional_input::<TwistTarget>("target", "target velocity, in the axes of the heading");
+        declare.output::<ContactSchedule>("contact_schedule", "share of its load that each foot may carry");
+        let doc = "place and velocity of the centre of mass in the world at the end of the step";
+        declare.output::<PoseTarget>("centre_of_mass_target", doc);
+        for name in &setup.names {
+            let doc = format!(
+                "force on the foot `{name}` and its torque about the origin of its frame, axes of the world"
+            );
+            declare.output::<Wrench>(&format!("{name}_wrench"), &doc);
+            let doc = format!("pose and velocity of the foot `{name}` in the world; each swing is a goal");
+            declare.output::<PoseTarget>(&format!("{name}_target"), &doc);
+        }
+        declare.boolean("strides", true, "true: it strides by its gait; false: it stands on all feet");
+        declare.float("speed_factor", 1.0, 0.0..=1.0, "", "factor of the target velocity");
+        Ok(())
+    }
+
+    fn configure(config: MpcConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
+        let robot = setup.robot()?.clone();
+        let MpcSetup { model, names, planner, stand_for } = MpcSetup::new(&config, &robot)?;
+        let feet = names
+            .iter()
+            .map(|name| {
+                Ok(FootOutputs {
+                    wrench: setup.named_output(&format!("{name}_wrench"))?,
+                    target: setup.named_output(&format!("{name}_target"))?,
+                })
+            })
+            .collect::<Result<Vec<_>, ConfigureError>>()?;
+        Ok(Self {
+            measured: MeasuredState::configure(model, setup)?,
+            target: setup.input("target")?,
+            schedule: setup.output("contact_schedule")?,
+            centre: setup.output("centre_of_mass_target")?,
+            feet,
+            strides: setup.parameter("strides")?,
+            speed_factor: setup.parameter("speed_factor")?,
+            planner,
+            config,
+            stand_for,
+            clock: setup.clock(),
+            last_ns: None,
+            began_for: 0.0,
+            figures: Figures::default(),
+        })
+    }
+
+    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
+        match self.measured.read(self.config.state_timeout.ns)? {
+            Freshness::Fresh => {}
+            Freshness::Missing => return Ok(()),
+            Freshness::Stale => {
+                self.figures.stale += 1;
+                self.last_ns = None;
+                return Ok(());
+            }
+        }
+        let longest = self.config.state_timeout.ns.max(2 * period_ns(tick));
+        let now_ns = self.clock.grid_ns(tick, self.measured.time_ns);
+        let unbroken = self.last_ns.replace(now_ns);
+        let unbroken = unbroken.filter(|last| now_ns.saturating_sub(*last) <= longest);
+        let state = self.measured.motion();
+        if unbroken.is_none() {
+            self.planner.begin(&state);
+            self.began_for = 0.0;
+        }
+        let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
+        let wanted = wanted(&mut self.target, &self.config, self.speed_factor.get());
+        let strides = self.strides.get() && self.began_for >= self.stand_for;
+        let solved = self.planner.step(&state, &wanted, strides, dt).is_ok();
+        self.began_for += dt;
+        self.observe(solved, dt);
+        self.publish()
+    }
+
+    fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
+        self.last_ns = None;
+        self.figures = Figures::default();
+        Ok(())
+    }
+
+    fn result(&self) -> Option<serde_json::Value> {
+        let figures = &self.figures;
+        let mean = figures.iterations as f64 / figures.solved.max(1) as f64;
+        let way = figures.start.map(|start| (figures.end[0] - start[0]).hypot(figures.end[1] - start[1]));
+        let swings: Vec<u64> = (0..self.feet.len()).map(|foot| self.planner.swings(foot)).collect();
+        Some(serde_json::json!({
+            "distance_m": way,
+            "forward_m": figures.forward,
+            "swings": swings,
+            "largest_turn_rad": figures.largest_turn,
+            "largest_position_error_m": figures.largest_error,
+            "iterations": { "mean": mean, "max": figures.most_iterations },
+            "steps_without_solution": figures.unsolved,
+            "steps_without_fresh_state": figures.stale,
+        }))
+    }
+}
+
+/// The velocity of the newest target; without a fresh one zero, without an input that of the configuration.
+fn wanted(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> PlanarVelocity {
+    let [x, y, yaw] = if target.is_wired() {
+        let fresh = target.latest().filter(|target| target.age_ns() <= config.target_timeout.ns);
+        fresh.map_or([0.0; 3], |target| [target.linear[0], target.linear[1], target.angular[2]])
+    } else {
+        config.velocity
+    };
+    PlanarVelocity { linear: Vector2::new(x, y) * factor, yaw_rate: yaw * factor }
+}
+
+impl MpcPlanner {
+    fn observe(&mut self, solved: bool, dt: f64) {
+        let (planner, figures) = (&self.planner, &mut self.figures);
+        figures.steps += 1;
+        if solved {
+            figures.solved += 1;
+            figures.iterations += u64::from(planner.mpc().iterations());
+            figures.most_iterations = figures.most_iterations.max(planner.mpc().iterations());
+        } else {
+            figures.unsolved += 1;
+        }
+        let (state, reference) = (planner.state(), planner.reference());
+        let (wanted, _, heading) = reference.after(0.0);
+        figures.largest_turn = figures.largest_turn.max(state.turn.norm());
+        figures.largest_error = figures.largest_error.max((state.position - wanted).norm());
+        figures.start.get_or_insert([state.position.x, state.position.y]);
+        figures.end = [state.position.x, state.position.y];
+        figures.forward += dt * (heading.cos() * state.velocity.x + heading.sin() * state.velocity.y);
+    }
+
+    fn publish(&mut self) -> Result<(), StepError> {
+        let planner = &self.planner;
+        let mut schedule = self.schedule.loan()?;
+        schedule.set_count(self.feet.len());
+        for (foot, load) in schedule.load_mut().iter_mut().enumerate() {
+            *load = planner.load(foot);
+        }
+        schedule.publish()?;
+        for (foot, outputs) in self.feet.iter_mut().enumerate() {
+            let wrench = planner.wrench(foot);
+            let mut message = outputs.wrench.loan()?;
+            (message.force, message.torque) = (wrench.linear.into(), wrench.angular.into());
+            message.publish()?;
+            let (pose, velocity) = planner.target(foot);
+            let mut message = outputs.target.loan()?;
+            *message = PoseTarget {
+                position: pose.translation.vector.into(),
+                orientation: pose.rotation.coords.into(),
+                linear_velocity: velocity.into(),
+                angular_velocity: [0.0; 3],
+                goal: planner.swings(foot),
+                at_goal: u64::from(planner.load(foot) > 0.0),
+            };
+            message.publish()?;
+        }
+        let (place, velocity, _) = planner.reference().after(0.0);
+        let mut message = self.centre.loan()?;
+        *message = PoseTarget {
+            position: place.into(),
+            orientation: [0.0, 0.0, 0.0, 1.0],
+            linear_velocity: velocity.into(),
+            ..PoseTarget::default()
+        };
+        message.publish()
+    }
+}

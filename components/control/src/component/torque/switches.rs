@@ -1,0 +1,111 @@
+//! Contacts that parameters and a schedule switch.
+
+use motorium::prelude::*;
+use motorium::state::{ContactSchedule, MAX_FEET};
+
+use crate::component::setup::ControllerSetup;
+use crate::inverse_dynamics::{Contact, InverseDynamics};
+
+/// Normal force at each point of a contact up to which it is loaded, as a multiple of the robot's weight.
+const LOADED: f64 = 2.0;
+
+/// Name of the input of the schedule.
+const INPUT: &str = "contact_schedule";
+
+/// The contacts of a controller of torques: each carries the share of its load that its parameter allows, ramped, times that of the
+/// schedule, which its planner ramps.
+pub(super) struct ContactSwitches {
+    switches: Vec<Switch>,
+    /// None for a robot without feet.
+    schedule: Option<Input<ContactSchedule>>,
+    /// Feet of the robot's profile.
+    feet: usize,
+    ramp: f64,
+    /// Steps in which the schedule was too old or of other feet, so that all feet stood.
+    without_schedule: u64,
+}
+
+/// The share of its load that a contact may carry, which follows a parameter.
+struct Switch {
+    parameter: Parameter<f64>,
+    load: f64,
+    /// Place of its foot in the schedule.
+    foot: Option<usize>,
+    /// Largest normal force at each point under full load \[N\], and while it is ramped.
+    max_force: f64,
+    ramped: f64,
+}
+
+impl ContactSwitches {
+    pub(super) fn declare(contacts: &[Contact], parts: &ControllerSetup, declare: &mut Declare) {
+        for contact in contacts {
+            let doc = "share of its load that the contact may carry: 0 lifts it, ramped";
+            declare.float(&format!("{}_contact", contact.name), 1.0, 0.0..=1.0, "", doc);
+        }
+        if feet(parts).count() > 0 {
+            let doc =
+                "share of its load that each foot of the profile may carry; without a fresh one all stand";
+            declare.optional_input::<ContactSchedule>(INPUT, doc);
+        }
+    }
+
+    pub(super) fn configure(
+        contacts: &[Contact],
+        parts: &ControllerSetup,
+        (weight, ramp): (f64, f64),
+        setup: &mut Setup,
+    ) -> Result<Self, ConfigureError> {
+        let switch = |contact: &Contact| {
+            let parameter = setup.parameter(&format!("{}_contact", contact.name))?;
+            let (max_force, foot) = (contact.max_force, feet(parts).position(|name| *name == contact.name));
+            let ramped = max_force.min(LOADED * weight);
+            Ok(Switch { parameter, load: 1.0, foot, max_force, ramped })
+        };
+        let switches = contacts.iter().map(switch).collect::<Result<Vec<_>, ConfigureError>>()?;
+        let feet = feet(parts).count();
+        let schedule = if feet > 0 { Some(setup.input(INPUT)?) } else { None };
+        Ok(Self { switches, schedule, feet, ramp, without_schedule: 0 })
+    }
+
+    /// Loads and unloads the contacts for a step of `dt` seconds. A schedule older than `timeout_ns` does not count.
+    pub(super) fn apply(&mut self, control: &mut InverseDynamics, dt: f64, timeout_ns: u64) {
+        let step = dt / self.ramp.max(dt);
+        let wired = self.is_scheduled();
+        let fresh = self
+            .schedule
+            .as_mut()
+            .and_then(Input::latest)
+            .filter(|schedule| schedule.age_ns() <= timeout_ns && schedule.count() == self.feet);
+        self.without_schedule += u64::from(wired && fresh.is_none());
+        let planned = fresh.as_ref().map(|schedule| schedule.load());
+        for (index, switch) in self.switches.iter_mut().enumerate() {
+            switch.load += (switch.parameter.get() - switch.load).clamp(-step, step);
+            let share = planned.zip(switch.foot).map_or(1.0, |(planned, foot)| planned[foot].clamp(0.0, 1.0));
+            let load = switch.load * share;
+            control.set_active(index, load > 0.0);
+            let full = load >= 1.0;
+            control.set_max_force(index, if full { switch.max_force } else { load * switch.ramped });
+        }
+    }
+
+    fn is_scheduled(&self) -> bool {
+        self.schedule.as_ref().is_some_and(Input::is_wired)
+    }
+
+    pub(super) fn reset(&mut self) {
+        self.switches.iter_mut().for_each(|switch| switch.load = 1.0);
+        self.without_schedule = 0;
+    }
+
+    pub(super) fn add_to(&self, result: &mut serde_json::Value) {
+        if self.is_scheduled() {
+            result["steps_without_fresh_schedule"] = serde_json::json!(self.without_schedule);
+        }
+    }
+}
+
+/// Names of the feet of the profile, in the order of a schedule. More than a schedule holds have none.
+fn feet(parts: &ControllerSetup) -> impl Iterator<Item = &String> {
+    let feet = parts.profile.iter().map(|profile| &profile.feet);
+    feet.filter(|feet| feet.len() <= MAX_FEET).flat_map(|feet| feet.keys())
+}

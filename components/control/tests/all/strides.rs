@@ -1,0 +1,250 @@
+//! `control.mpc`, and the contact schedule of `control.qp`, on a quadruped whose state the test sets.
+
+use std::path::Path;
+
+use motorium::launcher::{Exit, Report};
+use motorium::prelude::*;
+use motorium::state::{ContactSchedule, ControlDiagnostics};
+use motorium::testing::{Graph, Instance, Probe, Source};
+use motorium_control::{MpcPlanner, QpController};
+use motorium_robots::{Loaded, load};
+use nalgebra::Vector3;
+
+use crate::component::number;
+
+fn quadruped() -> Loaded {
+    load("quadruped", Path::new(".")).unwrap()
+}
+
+/// A quadruped that stands at home, whose base is said to move at this velocity.
+fn standing(velocity: [f64; 3]) -> Graph {
+    let robot = quadruped();
+    let home = robot.profile.unwrap().configuration(&robot.model, "standing").unwrap();
+    let joints: Vec<f64> = home.as_slice()[7..].to_vec();
+    let base = BaseState {
+        position: [home[0], home[1], home[2]],
+        orientation: [home[3], home[4], home[5], home[6]],
+        linear_velocity: velocity,
+        ..BaseState::default()
+    };
+    Graph::new("strides")
+        .robot("robot", "quadruped")
+        .with(Source::new("base", "base", move |_| Some(base)).rate("1 kHz"))
+        .with(
+            Source::new("joints", "joints", move |_| {
+                let mut state = JointState::default();
+                state.set_count(joints.len());
+                state.position_mut().copy_from_slice(&joints);
+                Some(state)
+            })
+            .rate("1 kHz"),
+        )
+}
+
+fn config(table: &str) -> toml::Value {
+    let table: toml::Table = format!("config = {table}").parse().unwrap();
+    table["config"].clone()
+}
+
+fn planner(table: &str) -> Instance {
+    Instance::of::<MpcPlanner>("planner")
+        .robot("robot")
+        .rate("200 Hz")
+        .subscribe("joint_state", "joints")
+        .subscribe("base_state", "base")
+        .publish("contact_schedule", "schedule")
+        .publish("front_left_wrench", "front_left_wrench")
+        .publish("front_left_target", "front_left_target")
+        .publish("hind_right_wrench", "hind_right_wrench")
+        .set("config", config(table))
+}
+
+fn no_allocations(report: &Report, name: &str) {
+    assert_eq!(report.exit, Exit::Finished);
+    let component = report.components.iter().find(|component| component.name == name).unwrap();
+    assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
+}
+
+const TROT: &str = "{ velocity = [0.4, 0.0, 0.0], gait = { period = \"400 ms\", duty = 0.5, stand_for = \"400 ms\", \
+                    offsets = { front_left = 0.0, front_right = 0.5, hind_left = 0.5, hind_right = 0.0 } } }";
+
+#[test]
+fn a_planner_without_a_gait_carries_the_weight_on_all_feet_and_allocates_nothing() {
+    let (forces, schedule) =
+        (Probe::<Wrench>::of("front_left_wrench"), Probe::<ContactSchedule>::of("schedule"));
+    let report = standing([0.0; 3]).with(planner("{}")).with(&forces).with(&schedule).run("500 ms").unwrap();
+    no_allocations(&report, "planner");
+    let robot = quadruped();
+    let weight = robot.model.mass() * 9.81;
+    let last = forces.values().pop().unwrap();
+    assert!((last.force[2] / (0.25 * weight) - 1.0).abs() < 0.05, "{:?} of {weight} N", last.force);
+    // about the centre of the ball, the force acts below it
+    let torque = Vector3::new(0.0, 0.0, -0.0165).cross(&Vector3::from(last.force));
+    assert!((Vector3::from(last.torque) - torque).norm() < 1e-12);
+    assert!(schedule.values().iter().all(|schedule| schedule.load() == [1.0; 4]));
+    let result = &report.results["planner"];
+    assert_eq!(result["steps_without_solution"], 0, "{result}");
+    assert_eq!(result["swings"], serde_json::json!([0, 0, 0, 0]));
+    assert!(number(&result["largest_position_error_m"]) < 1e-3, "{result}");
+}
+
+#[test]
+fn a_base_that_moves_is_braked_and_a_velocity_that_is_wanted_is_gained() {
+    let force = |velocity: [f64; 3], table: &str| {
+        let forces = Probe::<Wrench>::of("front_left_wrench");
+        standing(velocity).with(planner(table)).with(&forces).run("100 ms").unwrap();
+        Vector3::from(forces.values().pop().unwrap().force)
+    };
+    let (forwards, backwards) = (force([0.3, 0.0, 0.0], "{}"), force([-0.3, 0.0, 0.0], "{}"));
+    assert!(forwards.x < -0.3 && backwards.x > 0.3, "{forwards} {backwards}");
+    let aside = force([0.0, 0.3, 0.0], "{}");
+    assert!(aside.y < -0.3, "{aside}");
+    let faster = force([0.0; 3], "{ velocity = [0.5, 0.0, 0.0], acceleration = 100.0 }");
+    assert!(faster.x > 0.3, "{faster}");
+}
+
+#[test]
+fn a_trot_lifts_its_diagonals_in_turn_and_its_swings_lead_ahead() {
+    let (forces, targets) =
+        (Probe::<Wrench>::of("front_left_wrench"), Probe::<PoseTarget>::of("front_left_target"));
+    let schedule = Probe::<ContactSchedule>::of("schedule").triggered();
+    let graph = standing([0.4, 0.0, 0.0]).with(planner(TROT)).with(&forces).with(&targets).with(&schedule);
+    let report = graph.run("2 s").unwrap();
+    no_allocations(&report, "planner");
+    let loads: Vec<[f64; 4]> =
+        schedule.values().iter().map(|schedule| schedule.load().try_into().unwrap()).collect();
+    assert!(loads[..60].iter().all(|load| *load == [1.0; 4]), "it stands at first");
+    let swings = |foot: usize| loads.iter().filter(|load| load[foot] == 0.0).count();
+    for load in &loads {
+        assert_eq!((load[0], load[1]), (load[3], load[2]), "diagonals are alike");
+        assert!(load[0] > 0.0 || load[1] > 0.0, "some stand");
+    }
+    assert!(swings(0) > 120 && swings(1) > 120, "{} {}", swings(0), swings(1));
+    // while it swings, it has no force, and is led up and ahead
+    assert!(forces.values().iter().any(|wrench| wrench.force == [0.0; 3]));
+    let start = targets.values()[0].position;
+    let highest = targets.values().iter().map(|target| target.position[2] - start[2]).fold(0.0, f64::max);
+    assert!((highest - 0.05).abs() < 5e-3, "{highest}");
+    let farthest = targets.values().iter().map(|target| target.position[0] - start[0]).fold(0.0, f64::max);
+    // half of the way of a stance ahead of where the body is when it lands
+    assert!(farthest > 0.02 && farthest < 0.1, "{farthest}");
+    assert_eq!(report.results["planner"]["swings"][0], targets.values().last().unwrap().goal);
+}
+
+#[track_caller]
+fn refused(graph: Graph, words: &[&str]) {
+    let error = graph.check().expect_err("it must be refused").render(false);
+    for words in words {
+        assert!(error.contains(words), "no `{words}` in\n{error}");
+    }
+}
+
+#[test]
+fn planners_that_cannot_work_are_refused_by_their_key() {
+    let with = |table: &str| standing([0.0; 3]).with(planner(table));
+    refused(with("{ horizon = { steps = 0 } }"), &["horizon.steps", "from 1 to 40"]);
+    refused(with("{ horizon = { step = \"2 s\" } }"), &["horizon.step"]);
+    refused(with("{ gravity = [1.0, 0.0, -9.81] }"), &["gravity", "along -z"]);
+    refused(with("{ weights = { turn = [1.0, -1.0, 1.0] } }"), &["weights.turn"]);
+    let gait = |rest: &str| with(&format!("{{ gait = {{ period = \"0.4 s\", {rest} }} }}"));
+    refused(gait("offsets = { front_left = 0.0 }"), &["gait.offsets", "`front_right` has no offset"]);
+    refused(gait("offsets = { left = 0.0 }"), &["gait.offsets", "no foot `left`", "it has front_left"]);
+    let all = "offsets = { front_left = 0.0, front_right = 0.5, hind_left = 0.5, hind_right = 0.0 }";
+    refused(gait(&format!("duty = 1.0, {all}")), &["gait", "stands for 1 of the period"]);
+    let arm = Graph::new("arm").robot("arm", "panda").with(
+        Instance::of::<MpcPlanner>("planner").robot("arm").rate("200 Hz").subscribe("joint_state", "joints"),
+    );
+    refused(arm, &["fixed base"]);
+    let airborne = Graph::new("airborne")
+        .robot("airborne", "quadrotor")
+        .with(Instance::of::<MpcPlanner>("planner").robot("airborne").rate("200 Hz"));
+    refused(airborne, &["no feet", "[feet.NAME]"]);
+}
+
+/// A controller that follows a schedule by which the first foot is in the air for half a second, and which then falls silent.
+fn scheduled() -> (Report, Vec<JointCommand>, Vec<ControlDiagnostics>) {
+    let (commands, steps) = (
+        Probe::<JointCommand>::of("command").triggered(),
+        Probe::<ControlDiagnostics>::of("diagnostics").triggered(),
+    );
+    let schedule = Source::new("schedule", "schedule", |tick| {
+        let mut schedule = ContactSchedule::default();
+        schedule.set_count(4);
+        schedule.load_mut().fill(1.0);
+        if (0.5..1.0).contains(&tick.time()) {
+            schedule.load_mut()[0] = 0.0;
+        }
+        (tick.time() < 1.5).then_some(schedule)
+    });
+    let tasks = "{ inverse_dynamics = {}, tasks = [\
+        { cartesian = { name = \"foot\", frame = \"front_left_foot\", target = \"foot_target\", while_lifted = \"front_left\" } },\
+        { cartesian = { name = \"base\", frame = \"base\", target = \"base_target\" } },\
+        { posture = { weight = 0.01 } } ] }";
+    let controller = Instance::of::<QpController>("controller")
+        .robot("robot")
+        .trigger("joints")
+        .subscribe("joint_state", "joints")
+        .subscribe("base_state", "base")
+        .subscribe("contact_schedule", "schedule")
+        .subscribe("foot_target", "foot_target")
+        .subscribe("base_target", "base_target")
+        .publish("joint_command", "command")
+        .publish("diagnostics", "diagnostics")
+        .set("config", config(tasks));
+    let robot = quadruped();
+    let home = robot.profile.unwrap().configuration(&robot.model, "standing").unwrap();
+    let pose = |position: [f64; 3]| PoseTarget {
+        position,
+        orientation: [0.0, 0.0, 0.0, 1.0],
+        ..PoseTarget::default()
+    };
+    let (foot, base) = (pose([0.2, 0.15, 0.1]), pose([home[0], home[1], home[2]]));
+    let report = standing([0.0; 3])
+        .with(Source::new("foot", "foot_target", move |_| Some(foot)).rate("1 kHz"))
+        .with(Source::new("body", "base_target", move |_| Some(base)).rate("1 kHz"))
+        .with(schedule.rate("1 kHz"))
+        .with(controller)
+        .with(&commands)
+        .with(&steps)
+        .run("2 s")
+        .unwrap();
+    (report, commands.values(), steps.values())
+}
+
+#[test]
+fn a_schedule_lifts_a_foot_and_its_task_counts_meanwhile_until_it_falls_silent() {
+    let (report, commands, steps) = scheduled();
+    no_allocations(&report, "controller");
+    assert_eq!(commands.len(), steps.len());
+    let knee = |step: usize| commands[step].effort()[2].abs();
+    let other = |step: usize| commands[step].effort()[5].abs();
+    let (before, lifted, after, silent) = (400, 800, 1300, 1900);
+    // what the knee of a leg in the air holds is the leg itself, while its neighbour carries more
+    assert!(knee(lifted) < 0.5 * knee(before), "{} {}", knee(lifted), knee(before));
+    assert!(other(lifted) > 1.2 * other(before), "{} {}", other(lifted), other(before));
+    assert!((knee(after) - knee(before)).abs() < 1e-6 && (knee(silent) - knee(before)).abs() < 1e-6);
+    for (index, step) in steps.iter().enumerate() {
+        let counts = step.residual()[0] > 0.0;
+        if [before, after, silent].contains(&index) {
+            assert!(!counts, "{index}: a foot that stands has no task");
+        }
+    }
+    assert!(steps[lifted].residual()[0] > 0.0, "a foot in the air has one");
+    let without = number(&report.results["controller"]["steps_without_fresh_schedule"]);
+    assert!((440.0..=460.0).contains(&without), "{without} steps after 50 ms of silence");
+}
+
+#[test]
+fn a_task_while_a_contact_is_lifted_names_a_contact() {
+    let controller = |table: &str| {
+        Graph::new("walker").robot("walker", "quadruped").with(
+            Instance::of::<QpController>("controller")
+                .robot("walker")
+                .rate("1 kHz")
+                .set("config", config(table)),
+        )
+    };
+    let tasks = "tasks = [{ cartesian = { frame = \"base\", while_lifted = \"left\" } }]";
+    let words = ["tasks[0].cartesian.while_lifted", "no contact `left`", "front_left, front_right"];
+    refused(controller(&format!("{{ inverse_dynamics = {{}}, {tasks} }}")), &words);
+}
