@@ -2,6 +2,7 @@
 //! fixed or a floating base.
 
 mod actuators;
+mod connect;
 mod implicit;
 mod integrator;
 mod laws;
@@ -18,8 +19,8 @@ use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
 use crate::{
-    BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
-    World,
+    BuildError, BuildWarning, Capabilities, ConnectError, Connection, Contact, Options, RayHit, ResetError,
+    StepError, StepReport, World,
 };
 use actuators::ActuatorsState;
 pub use implicit::Singular;
@@ -66,7 +67,8 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 ///
 /// with contact impulses `lambda` that keep surfaces from overlapping and friction in Coulomb's cone
 /// ([`JointSpaceIntegrator`] has the other terms). Several articulations and the free objects of the world are part of
-/// the same problem; what no contact joins is solved apart. The method is semi-implicit Euler, of first order in h.
+/// the same problem; what no contact joins is solved apart. The method is semi-implicit Euler, of first order in h; what touches nothing
+/// may take the [midpoint rule](crate::Integrator::Midpoint) instead.
 ///
 /// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders and the
 /// outermost points of meshes, each against the surface of the other collider. Where these miss a
@@ -128,8 +130,14 @@ impl Engine for Articulated {
 
     const NAME: &'static str = "articulated";
 
-    const CAPABILITIES: Capabilities =
-        Capabilities { floating_bases: true, allocation_free: true, rolling_friction: true, conveyors: true };
+    const CAPABILITIES: Capabilities = Capabilities {
+        floating_bases: true,
+        allocation_free: true,
+        rolling_friction: true,
+        conveyors: true,
+        textures: true,
+        integrators: true,
+    };
 
     fn build(
         setups: &[RobotSetup],
@@ -139,7 +147,8 @@ impl Engine for Articulated {
         warnings: &mut Vec<BuildWarning>,
     ) -> Result<Self, BuildError> {
         let articulations = robot.articulations.iter().zip(setups);
-        let parts = articulations.map(|(own, setup)| Part::new(own, setup, &robot.joints[own.joints()]));
+        let parts = articulations
+            .map(|(own, setup)| Part::new(own, setup, &robot.joints[own.joints()], options.integrator));
         let parts = parts.collect::<Result<Vec<_>, _>>()?;
         let colliders = Colliders::new(setups, world, options, warnings);
         Ok(Self {
@@ -148,7 +157,7 @@ impl Engine for Articulated {
             options: *options,
             bases: vec![Isometry3::identity(); parts.len()],
             parts,
-            scene: ContactScene::new(robot, colliders, world, options.sleeping),
+            scene: ContactScene::new(robot, colliders, world, options),
         })
     }
 
@@ -263,6 +272,19 @@ impl Engine for Articulated {
 
     fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
         self.scene.object_velocity(index)
+    }
+
+    fn connect(
+        &mut self,
+        place: (&Robot, &World),
+        connection: &Connection,
+        lasting: bool,
+    ) -> Result<(), ConnectError> {
+        self.connect_parts(place, connection, lasting)
+    }
+
+    fn disconnect(&mut self, (robot, world): (&Robot, &World), parts: [&str; 2]) -> bool {
+        self.disconnect_parts(robot, world, parts)
     }
 
     fn visit_impulses(&self, _: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
