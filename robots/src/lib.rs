@@ -90,8 +90,9 @@ pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
 pub use model::{
     AttachError, Base, Body, BodyFactors, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint,
     JointDynamics, JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape,
-    UnknownFrame,
+    SpringError, UnknownFrame,
 };
+pub use nearest::nearest;
 pub use per_joint::{PerJoint, PerJointError};
 pub use postures::Posture;
 pub use profile::{
@@ -106,4 +107,4 @@ pub use urdf::{
     MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,
     parse_urdf_with, pinocchio_joint_order,
 };
-pub use world::{Conveyor, Ground, Object, ObjectShape, World, WorldError};
+pub use world::{Conveyor, Copies, Grain, Ground, Object, ObjectShape, Softness, World, WorldError};

@@ -6,7 +6,7 @@
 /// case, `-`, `_` and spaces being one letter. A candidate is near within a third of the letters of `wanted`, at least
 /// one; or when `wanted` (three letters or more) is its beginning or its end, as `index_q1` is of `left_index_q1`.
 /// Graph files use the same measure.
-pub(crate) fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(wanted: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(wanted);
     let letters = wanted.chars().count();

@@ -1,5 +1,7 @@
 //! The world around the robot, as a file describes it.
 
+mod copies;
+mod surface;
 mod things;
 
 use std::path::Path;
@@ -9,6 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::nearest::suggestion;
 use crate::{Appearance, HeightField, Terrain, TerrainError};
+pub use copies::Copies;
+pub use surface::{Grain, Softness};
 pub use things::{Conveyor, Ground, Object, ObjectShape};
 
 /// Gravity, air, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in kilograms; poses in the
@@ -28,6 +32,7 @@ pub struct World {
     /// An uneven ground, instead of the plane.
     pub terrain: Option<Terrain>,
     /// Objects, fixed or free to move. Names must differ.
+    #[serde(deserialize_with = "copies::expanded")]
     pub objects: Vec<Object>,
     /// The looks of it all, for cameras.
     pub appearance: Appearance,
@@ -131,6 +136,7 @@ impl World {
             finite("ground", "height", ground.height)?;
             let frictions = [ground.friction, ground.torsional_friction, ground.rolling_friction];
             surface("ground", frictions, ground.restitution, ground.conveyor)?;
+            textured("ground", ground.soft, ground.grain)?;
         }
         if self.ground.is_some() && self.terrain.is_some() {
             return Err(WorldError::TwoGrounds);
@@ -166,6 +172,7 @@ impl World {
             from_zero(name, "drag", object.drag)?;
             let frictions = [object.friction, object.torsional_friction, object.rolling_friction];
             surface(name, frictions, object.restitution, object.conveyor)?;
+            textured(name, object.soft, object.grain)?;
         }
         self.appearance.check(self)
     }
@@ -185,12 +192,18 @@ fn finite(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError
     check(owner, field, value, value.is_finite(), "a finite number")
 }
 
-fn positive(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
+pub(super) fn positive(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
     check(owner, field, value, value.is_finite() && value > 0.0, "a positive number")
 }
 
-fn from_zero(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
+pub(super) fn from_zero(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
     check(owner, field, value, value.is_finite() && value >= 0.0, "a number from 0 up")
+}
+
+/// Checks a softness and a grain.
+fn textured(owner: &str, soft: Option<Softness>, grain: Option<Grain>) -> Result<(), WorldError> {
+    soft.map_or(Ok(()), |soft| soft.check(owner))?;
+    grain.map_or(Ok(()), |grain| grain.check(owner))
 }
 
 fn surface(

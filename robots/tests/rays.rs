@@ -134,9 +134,10 @@ fn table_top() -> World {
     };
     let mut random = Random(9);
     let objects = (0..12).map(|index| {
-        let shape = match index % 3 {
+        let shape = match index % 4 {
             0 => ObjectShape::Box { size: [0.05, 0.1, 0.15] },
             1 => ObjectShape::Sphere { radius: 0.06 },
+            2 => ObjectShape::Capsule { radius: 0.05, length: 0.1 },
             _ => ObjectShape::Cylinder { radius: 0.04, length: 0.12 },
         };
         object(index, shape, [0.5 + 0.3 * random.next(), 0.5 * random.next(), 0.1])
@@ -199,6 +200,10 @@ fn a_hit_lies_on_the_surface_and_nothing_lies_before_it() {
                 ObjectShape::Cylinder { radius, length } => {
                     let (across, along) = (p.x.hypot(p.y) - radius, p.z.abs() - 0.5 * length);
                     across.max(0.0).hypot(along.max(0.0)) + across.max(along).min(0.0)
+                }
+                ObjectShape::Capsule { radius, length } => {
+                    let beyond = p.z - p.z.clamp(-0.5 * length, 0.5 * length);
+                    p.x.hypot(p.y).hypot(beyond) - radius
                 }
             }
         });

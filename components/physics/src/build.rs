@@ -3,7 +3,7 @@
 use motorium_robots::{ActuatorError, Model};
 
 use crate::joint::JointProperties;
-use crate::{Capabilities, LibraryError, Options, ResetError, RobotSetup, World, WorldError};
+use crate::{Capabilities, Integrator, LibraryError, Options, ResetError, RobotSetup, World, WorldError};
 
 /// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -40,9 +40,9 @@ pub enum BuildError {
     /// A terrain with the rapier engine.
     #[error("the rapier engine simulates no terrain; use `physics.articulated` (`ArticulatedSimulator`)")]
     Terrain,
-    /// The world has something that the engine cannot simulate.
+    /// The world, or a robot, has something that the engine cannot simulate.
     #[error(
-        "the {engine} engine simulates no {ability}, which \"{owner}\" of the world has; use `physics.articulated` \
+        "the {engine} engine simulates no {ability}, which \"{owner}\" has; use `physics.articulated` \
          (`ArticulatedSimulator`)"
     )]
     Unable {
@@ -50,7 +50,7 @@ pub enum BuildError {
         engine: &'static str,
         /// What it cannot simulate.
         ability: &'static str,
-        /// The object, `ground` or `terrain`.
+        /// The object, link, `ground` or `terrain`.
         owner: String,
     },
     /// The library of the MuJoCo engine is not there.
@@ -65,6 +65,15 @@ pub enum BuildError {
     /// An actuator that is not ideal, with another engine than ours.
     #[error("this engine simulates ideal drives only; use `physics.articulated` (`ArticulatedSimulator`)")]
     IdealDrives,
+    /// A method of integration that the engine does not have.
+    #[error(
+        "the {engine} engine has a method of integration of its own; leave `integrator` out, or use `physics.articulated` \
+         (`ArticulatedSimulator`)"
+    )]
+    Integrator {
+        /// The engine.
+        engine: &'static str,
+    },
     /// The settings of an actuator have a mistake.
     #[error("actuator of joint \"{joint}\": {error}")]
     Actuator {
@@ -159,29 +168,43 @@ pub enum BuildWarning {
 impl BuildError {
     /// Refuses what an engine of these abilities cannot simulate.
     pub(crate) fn check_abilities(
-        engine: &'static str,
-        Capabilities { rolling_friction, conveyors, .. }: Capabilities,
+        (engine, abilities): (&'static str, Capabilities),
+        setups: &[RobotSetup],
         world: &World,
+        options: &Options,
     ) -> Result<(), Self> {
+        if options.integrator != Integrator::Euler && !abilities.integrators {
+            return Err(Self::Integrator { engine });
+        }
+        for setup in setups {
+            setup.soft.iter().try_for_each(|(link, soft)| soft.check(link))?;
+            setup.grain.iter().try_for_each(|(link, grain)| grain.check(link))?;
+        }
         let objects = world.objects.iter().map(|object| {
-            (
-                object.name.as_str(),
-                [object.torsional_friction, object.rolling_friction],
-                object.conveyor.is_some(),
-            )
+            let turning = [object.torsional_friction, object.rolling_friction];
+            let more = [object.conveyor.is_some(), object.soft.is_some(), object.grain.is_some()];
+            (object.name.as_str(), turning, more)
         });
         let ground = world.ground.iter().map(|ground| {
-            ("ground", [ground.torsional_friction, ground.rolling_friction], ground.conveyor.is_some())
+            let turning = [ground.torsional_friction, ground.rolling_friction];
+            ("ground", turning, [ground.conveyor.is_some(), ground.soft.is_some(), ground.grain.is_some()])
         });
-        let terrain = world
-            .terrain
-            .iter()
-            .map(|terrain| ("terrain", [terrain.torsional_friction, terrain.rolling_friction], false));
-        for (owner, [torsional, rolling], conveyor) in ground.chain(terrain).chain(objects) {
+        let terrain = world.terrain.iter().map(|terrain| {
+            let turning = [terrain.torsional_friction, terrain.rolling_friction];
+            ("terrain", turning, [false, terrain.soft.is_some(), false])
+        });
+        let links = setups.iter().flat_map(|setup| {
+            let soft = setup.soft.keys().map(|link| (link.as_str(), [0.0; 2], [false, true, false]));
+            soft.chain(setup.grain.keys().map(|link| (link.as_str(), [0.0; 2], [false, false, true])))
+        });
+        let all = ground.chain(terrain).chain(objects).chain(links);
+        for (owner, [torsional, rolling], [conveyor, soft, grain]) in all {
             let wants = [
-                (torsional > 0.0 && !rolling_friction, "torsional friction"),
-                (rolling > 0.0 && !rolling_friction, "rolling friction"),
-                (conveyor && !conveyors, "conveyor"),
+                (torsional > 0.0 && !abilities.rolling_friction, "torsional friction"),
+                (rolling > 0.0 && !abilities.rolling_friction, "rolling friction"),
+                (conveyor && !abilities.conveyors, "conveyor"),
+                (soft && !abilities.textures, "soft surface"),
+                (grain && !abilities.textures, "friction that differs by direction"),
             ];
             if let Some((_, ability)) = wants.into_iter().find(|(missing, _)| *missing) {
                 return Err(Self::Unable { engine, ability, owner: owner.to_owned() });

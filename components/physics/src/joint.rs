@@ -20,13 +20,17 @@ pub struct JointProperties {
     pub friction: f64,
     /// Inertia of the rotor seen at the joint \[kg m2 or kg\].
     pub armature: f64,
+    /// Stiffness of a spring in the joint \[Nm/rad or N/m\], 0 without one.
+    pub stiffness: f64,
+    /// Position at which that spring is relaxed \[rad or m\].
+    pub rest: f64,
 }
 
 impl JointProperties {
     /// The properties of every independent joint of `model`, each with this armature \[kg m2 or kg\].
     ///
     /// A mimic joint adds `multiplier^2` times its damping and `|multiplier|` times its friction to the joint it
-    /// follows, and narrows its range to where its own limits hold.
+    /// follows, and narrows its range to where its own limits hold. Its spring acts there with `multiplier^2` times its stiffness.
     pub fn of(model: &Model, armature: f64) -> Vec<Self> {
         let mut joints: Vec<Self> = (0..model.joint_count())
             .map(|index| Self {
@@ -37,6 +41,8 @@ impl JointProperties {
                 damping: 0.0,
                 friction: 0.0,
                 armature,
+                stiffness: 0.0,
+                rest: 0.0,
             })
             .collect();
         for body in model.bodies() {
@@ -45,6 +51,13 @@ impl JointProperties {
             let own = &mut joints[joint.coordinate.index()];
             own.damping += multiplier * multiplier * joint.dynamics.damping;
             own.friction += multiplier.abs() * joint.dynamics.friction;
+            let stiffness = multiplier * multiplier * joint.dynamics.stiffness;
+            if stiffness > 0.0 {
+                // Two springs side by side are one at the mean of their rests, each weighed by its stiffness.
+                let rest = (joint.dynamics.rest - offset) / multiplier;
+                own.rest = (own.stiffness * own.rest + stiffness * rest) / (own.stiffness + stiffness);
+                own.stiffness += stiffness;
+            }
             if multiplier != 0.0 {
                 let ends = [joint.limits.lower, joint.limits.upper].map(|end| (end - offset) / multiplier);
                 let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));

@@ -14,6 +14,7 @@ mod batch;
 mod build;
 mod command;
 mod component;
+mod connection;
 mod contact;
 mod error;
 mod joint;
@@ -36,13 +37,16 @@ pub use command::JointCommand;
 pub use component::{
     ActuatorConfig, ArticulatedPhysics, Interval, MujocoPhysics, ObjectIntervals, PhysicsComponent,
     PhysicsConfig, PhysicsEngine, PlaceIntervals, PushConfig, RandomiseConfig, RapierPhysics, RobotIntervals,
-    SurfaceConfig, SurfaceIntervals, TerrainIntervals, kinds,
+    SpringConfig, SurfaceConfig, SurfaceIntervals, TerrainIntervals, kinds,
 };
+pub use connection::{ConnectError, Connection, ConnectionKind};
 pub use error::{ResetError, StepError};
 pub use joint::JointProperties;
-pub use motorium_robots::{Conveyor, Ground, Object, ObjectShape, Terrain, TerrainLayer, World, WorldError};
+pub use motorium_robots::{
+    Conveyor, Copies, Grain, Ground, Object, ObjectShape, Softness, Terrain, TerrainLayer, World, WorldError,
+};
 pub use mujoco::{LibraryError, Mujoco, MujocoSimulator};
-pub use options::Options;
+pub use options::{Integrator, Options};
 pub use properties::{Properties, Surface};
 pub use rapier::{Enclose, Rapier, RapierSimulator};
 pub use robot::{Articulation, Robot, RobotSetup};

@@ -3,7 +3,7 @@
 use core::ops::Range;
 use std::collections::BTreeMap;
 
-use motorium_robots::{ActuatorSettings, Kinematics, Loaded, Model, Srdf, UnknownFrame};
+use motorium_robots::{ActuatorSettings, Grain, Kinematics, Loaded, Model, Softness, Srdf, UnknownFrame};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::joint::JointProperties;
@@ -24,6 +24,10 @@ pub struct RobotSetup {
     pub friction: BTreeMap<String, f64>,
     /// Restitutions of links whose surface is not as that of the others, from 0 to 1.
     pub restitution: BTreeMap<String, f64>,
+    /// Links whose surface gives way.
+    pub soft: BTreeMap<String, Softness>,
+    /// Links whose friction differs by direction, in their own axes.
+    pub grain: BTreeMap<String, Grain>,
     /// The actuators of the joints, one for each; `None`, and those beyond the end of the list, are ideal.
     pub actuators: Vec<Option<ActuatorSettings>>,
 }
@@ -32,7 +36,17 @@ impl From<Model> for RobotSetup {
     fn from(model: Model) -> Self {
         let (rotors, actuators) = (Vec::new(), Vec::new());
         let (friction, restitution) = (BTreeMap::new(), BTreeMap::new());
-        Self { model, rotors, collision_rules: Srdf::default(), friction, restitution, actuators }
+        let (soft, grain) = (BTreeMap::new(), BTreeMap::new());
+        Self {
+            model,
+            rotors,
+            collision_rules: Srdf::default(),
+            friction,
+            restitution,
+            soft,
+            grain,
+            actuators,
+        }
     }
 }
 

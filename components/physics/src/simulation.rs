@@ -6,8 +6,8 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use crate::properties::Surface;
 use crate::robot::{Articulation, Robot, RobotSetup, RobotState};
 use crate::{
-    BuildError, BuildWarning, Capabilities, Contact, ForeignState, JointCommand, ObjectId, Options, RayHit,
-    ResetError, SavedState, Simulator, StepError, StepReport, World,
+    BuildError, BuildWarning, Capabilities, ConnectError, Connection, ConnectionKind, Contact, ForeignState,
+    JointCommand, ObjectId, Options, RayHit, ResetError, SavedState, Simulator, StepError, StepReport, World,
 };
 
 /// An engine: the part of a [`Simulation`] that integrates the motion and resolves contacts.
@@ -106,6 +106,20 @@ pub trait Engine: Sized {
     /// Velocity of object `index`: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
     fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>);
 
+    /// Connects two parts as they stand: see [`Simulator::connect`]. `lasting` where a reset keeps it.
+    ///
+    /// # Errors
+    ///
+    /// [`ConnectError`]; by default that the engine has no connections.
+    fn connect(&mut self, _: (&Robot, &World), _: &Connection, _lasting: bool) -> Result<(), ConnectError> {
+        Err(ConnectError::Unable { engine: Self::NAME })
+    }
+
+    /// Takes the connections of two parts away; `false` where there are none.
+    fn disconnect(&mut self, _: (&Robot, &World), _: [&str; 2]) -> bool {
+        false
+    }
+
     /// Passes every contact point of the last step to `visit`.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));
 
@@ -170,7 +184,7 @@ impl<E: Engine> Simulation<E> {
         options.check()?;
         let frames = setups.iter().flat_map(|setup| setup.model.frames());
         world.check(frames.map(|frame| frame.name.as_str()))?;
-        BuildError::check_abilities(E::NAME, E::CAPABILITIES, &world)?;
+        BuildError::check_abilities((E::NAME, E::CAPABILITIES), &setups, &world, &options)?;
         let robot = Robot::new(&setups, &options, Vector3::from(world.gravity));
         let mut warnings = Vec::new();
         let engine = E::build(&setups, &robot, &world, &options, &mut warnings)?;
@@ -324,6 +338,20 @@ impl<E: Engine> Simulator for Simulation<E> {
 
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {
         self.engine.visit_contacts(visit);
+    }
+
+    fn connect(&mut self, connection: &Connection) -> Result<(), ConnectError> {
+        self.engine.connect((&self.robot, &self.world), connection, true)
+    }
+
+    fn attach(&mut self, first: &str, second: &str) -> Result<(), ConnectError> {
+        let parts = [first, second].map(str::to_owned);
+        let connection = Connection { parts, kind: ConnectionKind::Fixed, point: [0.0; 3] };
+        self.engine.connect((&self.robot, &self.world), &connection, false)
+    }
+
+    fn detach(&mut self, first: &str, second: &str) -> bool {
+        self.engine.disconnect((&self.robot, &self.world), [first, second])
     }
 
     fn apply_wrench_to(

@@ -5,7 +5,7 @@ use core::any::Any;
 use motorium_robots::{FrameId, Model};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::{Articulation, BuildWarning, JointCommand, ResetError, StepError};
+use crate::{Articulation, BuildWarning, ConnectError, Connection, JointCommand, ResetError, StepError};
 
 /// An object of the world. Look it up once with [`Simulator::object`], outside the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -62,6 +62,10 @@ pub struct Capabilities {
     pub rolling_friction: bool,
     /// Surfaces that move along themselves.
     pub conveyors: bool,
+    /// Surfaces that give way, and such whose friction differs by direction.
+    pub textures: bool,
+    /// A choice of the method of integration.
+    pub integrators: bool,
 }
 
 /// A state of a simulator with all that its next steps depend on, warm starts included.
@@ -246,6 +250,24 @@ pub trait Simulator {
 
     /// Velocity of an object: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
     fn object_velocity(&self, object: ObjectId) -> (Vector3<f64>, Vector3<f64>);
+
+    /// Connects two parts as they stand to one another, by a ball joint or rigidly. The connection stays until [`detach`](Self::detach),
+    /// over resets, too. The parts do not collide with one another meanwhile. Memory for it is allocated here, not in a step.
+    ///
+    /// # Errors
+    ///
+    /// [`ConnectError`]; engines other than `physics.articulated` have no connections.
+    fn connect(&mut self, connection: &Connection) -> Result<(), ConnectError>;
+
+    /// Fixes one part to another as they stand, such as an object to a hand, until [`detach`](Self::detach) or the next reset.
+    ///
+    /// # Errors
+    ///
+    /// [`ConnectError`].
+    fn attach(&mut self, first: &str, second: &str) -> Result<(), ConnectError>;
+
+    /// Takes all connections between two parts away; `false` where there are none.
+    fn detach(&mut self, first: &str, second: &str) -> bool;
 
     /// Passes every contact point of the last step to `visit`.
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>));

@@ -97,8 +97,8 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     Ok(MjcfRobot { model, warnings, exclusions, profile })
 }
 
-/// Gives joints with a `springdamper` the damping for its time constant, from the inertia that each feels in the pose
-/// of the file, all joints free. An error is the joint's element: the mass matrix is singular.
+/// Gives joints with a `springdamper` the damping for its time constant and the stiffness for its damping ratio, from the inertia that
+/// each feels in the pose of the file, all joints free. An error is the joint's element: the mass matrix is singular.
 fn damp<'a, 'i>(
     name: &str,
     base: &Base,
@@ -119,7 +119,9 @@ fn damp<'a, 'i>(
     let own = model.nv() - references.len();
     for spring in spring_dampers {
         let inertia = 1.0 / inverse[(own + spring.body, own + spring.body)];
-        bodies[spring.body].joint.dynamics.damping = 2.0 * inertia / spring.time_constant;
+        let (dynamics, rate) = (&mut bodies[spring.body].joint.dynamics, 1.0 / spring.time_constant);
+        dynamics.damping = 2.0 * inertia * rate;
+        dynamics.stiffness = inertia * (rate / spring.ratio).powi(2);
     }
     Ok(())
 }

@@ -10,16 +10,17 @@ use super::pose::pose;
 use super::schema::{INERTIAL, is_off};
 use crate::{Coordinate, Drive, Inertia, Joint, JointDynamics, JointKind, Limits};
 
-/// A joint whose damping follows from a time constant.
+/// A joint whose spring and damping follow from a time constant and a damping ratio.
 pub(super) struct SpringDamper<'a, 'i> {
     /// The body it moves.
     pub(super) body: usize,
     /// \[s\]
     pub(super) time_constant: f64,
+    pub(super) ratio: f64,
     pub(super) node: Node<'a, 'i>,
 }
 
-const SPRINGS: &str = "joints have no springs here";
+const SPRINGS: &str = "a free base has no spring here";
 
 impl<'a, 'i> Tree<'_, 'a, 'i> {
     /// Reads a hinge or a slide whose anchor stands at `placement` in the frame of the parent body.
@@ -56,17 +57,28 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
         if quadratic != 0.0 || cubic != 0.0 {
             return Err(joint.refused("damping", "damping is proportional to velocity here"));
         }
-        if joint.first_numbers("stiffness", [0.0; 3])? != [0.0; 3] {
-            joint.ignore("stiffness", SPRINGS);
+        let [mut stiffness, quadratic, cubic] = joint.first_numbers("stiffness", [0.0; 3])?;
+        if quadratic != 0.0 || cubic != 0.0 {
+            joint.ignore(
+                "stiffness",
+                "the force of a spring is proportional to its displacement here: it is left out",
+            );
+            stiffness = 0.0;
         }
+        if stiffness < 0.0 {
+            return Err(joint.refused("stiffness", "expected a number from 0 up"));
+        }
+        let rest = joint.number("springref", 0.0)? * unit;
         let [time_constant, ratio] = joint.numbers::<2>("springdamper")?.unwrap_or_default();
         if [time_constant, ratio] != [0.0; 2] {
             if time_constant <= 0.0 || ratio <= 0.0 {
                 return Err(joint.refused("springdamper", "expected two numbers above 0"));
             }
             let (body, node) = (self.bodies.len(), joint.node);
-            self.spring_dampers.push(SpringDamper { body, time_constant, node });
-            joint.ignore("springdamper", SPRINGS);
+            self.spring_dampers.push(SpringDamper { body, time_constant, ratio, node });
+        }
+        if joint.get("springyield").is_some_and(|value| !is_off(value)) {
+            joint.ignore("springyield", "springs do not yield here");
         }
         let name = match joint.node.attribute("name") {
             Some(name) => name.to_owned(),
@@ -84,7 +96,7 @@ impl<'a, 'i> Tree<'_, 'a, 'i> {
             axis,
             placement,
             limits,
-            dynamics: JointDynamics { damping, friction },
+            dynamics: JointDynamics { damping, friction, stiffness, rest },
             drive: Drive { reduction: 1.0, rotor_inertia: joint.number("armature", 0.0)? },
             safety: None,
             coordinate: Coordinate::Independent(0),

@@ -104,9 +104,10 @@ pub(super) const JOINT: Schema = Schema {
     groups: &[
         (Use::Read, &["name", "class", "type", "pos", "axis", "ref", "range", "limited", "align"]),
         (Use::Read, &["actuatorfrcrange", "actuatorfrclimited"]),
-        (Use::Read, &["damping", "frictionloss", "armature", "stiffness", "springdamper"]),
-        // Of springs, which are ignored, of soft limits, and of a gravity compensation that is refused.
-        (Use::NoEffect, &["springref", "springyield", "margin", "actuatorgravcomp"]),
+        (Use::Read, &["damping", "frictionloss", "armature"]),
+        (Use::Read, &["stiffness", "springdamper", "springref", "springyield"]),
+        // Of soft limits, and of a gravity compensation that is refused.
+        (Use::NoEffect, &["margin", "actuatorgravcomp"]),
         (Use::NoEffect, &["solreflimit", "solimplimit", "solreffriction", "solimpfriction", "group", "user"]),
     ],
 };

@@ -43,6 +43,10 @@ pub struct JointDynamics {
     pub damping: f64,
     /// Static (Coulomb) friction \[Nm or N\].
     pub friction: f64,
+    /// Stiffness of a spring in the joint \[Nm/rad or N/m\], 0 without one.
+    pub stiffness: f64,
+    /// Position at which that spring is relaxed \[rad or m\].
+    pub rest: f64,
 }
 
 /// The drive behind a joint, where the file says. Only its [`armature`](Self::armature) plays a part in the dynamics.

@@ -9,6 +9,7 @@ mod joint;
 mod lock;
 mod scale;
 mod shape;
+mod springs;
 
 use nalgebra::{DVector, Isometry3};
 
@@ -19,6 +20,7 @@ pub use joint::{Coordinate, Drive, Joint, JointDynamics, JointKind, Limits, Safe
 pub use lock::LockError;
 pub use scale::{BodyFactors, ScaleError};
 pub use shape::{Geometry, Shape};
+pub use springs::SpringError;
 
 use crate::nearest::nearest;
 use flat::FlatModel;

@@ -77,7 +77,7 @@ impl Model {
 
     /// The robot `scale` times as large, of the same material: lengths times `scale`, masses times its third power,
     /// rotational inertias times its fifth. Limits of prismatic joints, and their speeds, are lengths too; efforts,
-    /// speeds of rotation, damping and friction, and rotors stay as they are.
+    /// speeds of rotation, damping, friction and stiffness, and rotors stay as they are.
     ///
     /// # Errors
     ///
@@ -135,6 +135,7 @@ impl Model {
                 joint.limits.lower *= scale;
                 joint.limits.upper *= scale;
                 joint.limits.velocity *= scale;
+                joint.dynamics.rest *= scale;
                 if let Some(safety) = &mut joint.safety {
                     safety.soft_lower *= scale;
                     safety.soft_upper *= scale;

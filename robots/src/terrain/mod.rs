@@ -11,6 +11,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::Softness;
 pub use field::{HeightField, NearTriangle};
 pub use layers::TerrainLayer;
 
@@ -84,6 +85,9 @@ pub struct Terrain {
     #[serde(default)]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: f64,
+    /// Softness: contact points give way as a spring and a damper. Default: the surface is rigid.
+    #[serde(default)]
+    pub soft: Option<Softness>,
     /// The layers, whose heights are added.
     pub layers: Vec<TerrainLayer>,
 }
@@ -210,6 +214,14 @@ impl Terrain {
                 let expected =
                     if key == "restitution" { "a number from 0 to 1" } else { "a number from 0 up" };
                 return Err(TerrainError::value(key, value, expected));
+            }
+        }
+        if let Some(Softness { stiffness, damping }) = self.soft {
+            if !(stiffness > 0.0 && stiffness.is_finite()) {
+                return Err(TerrainError::value("soft.stiffness", stiffness, "a positive number"));
+            }
+            if !(damping >= 0.0 && damping.is_finite()) {
+                return Err(TerrainError::value("soft.damping", damping, "a number from 0 up"));
             }
         }
         let cells = self.size.map(|size| (size / self.spacing).round().max(1.0));

@@ -98,7 +98,8 @@ pub(crate) fn limits(
 /// Damping and friction, zero where the file gives none.
 pub(crate) fn dynamics(joint: &urdf_rs::Joint, source: &JointSource) -> Result<JointDynamics, UrdfError> {
     let Some(dynamics) = &joint.dynamics else { return Ok(JointDynamics::default()) };
-    let values = JointDynamics { damping: dynamics.damping, friction: dynamics.friction };
+    let values =
+        JointDynamics { damping: dynamics.damping, friction: dynamics.friction, ..JointDynamics::default() };
     for (what, value) in [("damping", values.damping), ("friction", values.friction)] {
         if value < 0.0 {
             let problem = UrdfProblem::NegativeJointValue { joint: joint.name.clone(), what, value };

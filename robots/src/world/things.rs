@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::{Copies, Grain, Softness};
 use crate::{ConvexShape, Geometry};
 
 /// A horizontal plane, solid below.
@@ -37,6 +38,10 @@ pub struct Ground {
     pub restitution: f64,
     /// A surface that moves, as that of a treadmill. Default: it stands still.
     pub conveyor: Option<Conveyor>,
+    /// Softness: contact points give way as a spring and a damper. Default: the surface is rigid.
+    pub soft: Option<Softness>,
+    /// Friction along a direction that differs from that across it. Default: the same in all directions.
+    pub grain: Option<Grain>,
 }
 
 impl Default for Ground {
@@ -49,6 +54,8 @@ impl Default for Ground {
             rolling_friction: 0.0,
             restitution: 0.0,
             conveyor: None,
+            soft: None,
+            grain: None,
         }
     }
 }
@@ -120,6 +127,15 @@ pub struct Object {
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub drag: f64,
+    /// Softness: contact points give way as a spring and a damper. Default: the surface is rigid.
+    #[serde(default)]
+    pub soft: Option<Softness>,
+    /// Friction along a direction that differs from that across it. Default: the same in all directions.
+    #[serde(default)]
+    pub grain: Option<Grain>,
+    /// Copies in a pattern, called `NAME_0`, `NAME_1` and so on. A world that has been read has each as an object of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub copies: Option<Copies>,
 }
 
 /// Coefficient of friction of surfaces that do not state theirs.
@@ -144,6 +160,9 @@ impl Default for Object {
             restitution: 0.0,
             conveyor: None,
             drag: 0.0,
+            soft: None,
+            grain: None,
+            copies: None,
         }
     }
 }
@@ -167,6 +186,13 @@ pub enum ObjectShape {
         /// Radius (m).
         radius: f64,
         /// Full length (m).
+        length: f64,
+    },
+    /// A capsule along z: a cylinder with half a sphere at each end.
+    Capsule {
+        /// Radius (m).
+        radius: f64,
+        /// Length of the cylinder, between the centres of the spheres (m).
         length: f64,
     },
 }
@@ -199,6 +225,15 @@ impl ObjectShape {
                 let across = mass * (3.0 * radius * radius + length * length) / 12.0;
                 Vector3::new(across, across, 0.5 * mass * radius * radius)
             }
+            Self::Capsule { radius, length } => {
+                // The two halves of a sphere of this mass, each about its own centre of mass 3/8 of the radius beyond the cylinder.
+                let ends = mass * 4.0 * radius / (4.0 * radius + 3.0 * length);
+                let rod = mass - ends;
+                let squared = radius * radius;
+                let across = rod * (3.0 * squared + length * length) / 12.0
+                    + ends * (0.4 * squared + 0.25 * length * length + 0.375 * length * radius);
+                Vector3::new(across, across, (0.5 * rod + 0.4 * ends) * squared)
+            }
         }
     }
 
@@ -208,6 +243,7 @@ impl ObjectShape {
             Self::Box { size } => Geometry::Box { size: Vector3::from(size) },
             Self::Sphere { radius } => Geometry::Sphere { radius },
             Self::Cylinder { radius, length } => Geometry::Cylinder { radius, length },
+            Self::Capsule { radius, length } => Geometry::Capsule { radius, length },
         }
     }
 
@@ -217,6 +253,7 @@ impl ObjectShape {
             Self::Box { size } => ConvexShape::Box { half: Vector3::from(size) * 0.5 },
             Self::Sphere { radius } => ConvexShape::Sphere { radius },
             Self::Cylinder { radius, length } => ConvexShape::Cylinder { radius, half_length: 0.5 * length },
+            Self::Capsule { radius, length } => ConvexShape::Capsule { radius, half_length: 0.5 * length },
         }
     }
 
@@ -224,7 +261,9 @@ impl ObjectShape {
         match *self {
             Self::Box { size: [x, y, z] } => [("size", x), ("size", y), ("size", z)],
             Self::Sphere { radius } => [("radius", radius); 3],
-            Self::Cylinder { radius, length } => [("radius", radius), ("length", length), ("length", length)],
+            Self::Cylinder { radius, length } | Self::Capsule { radius, length } => {
+                [("radius", radius), ("length", length), ("length", length)]
+            }
         }
     }
 }

@@ -106,14 +106,8 @@ const REFUSED: &[(&str, u32, u32, &str)] = &[
 /// Files that are read with a warning: all that it says is ignored.
 const IGNORED: &[(&str, &[&str])] = &[
     ("joint_effort_one_sided", &["actuatorfrcrange of <joint>"]),
-    ("joint_stiffness", &["stiffness of <joint>"]),
     ("joint_stiffness_polynomial", &["stiffness of <joint>"]),
-    ("joint_springyield", &["stiffness of <joint>"]),
-    ("joint_springdamper", &["springdamper of <joint>"]),
-    ("joint_springdamper_class", &["springdamper of <joint>"]),
-    ("joint_springdamper_floating", &["springdamper of <joint>"]),
-    ("joint_springdamper_ref", &["springdamper of <joint>"]),
-    ("joint_springdamper_total_mass", &["springdamper of <joint>"]),
+    ("joint_springyield", &["springyield of <joint>"]),
     ("free_type_stiffness", &["stiffness of <joint>"]),
     ("geom_fluid", &["fluidshape of <geom>"]),
     ("geom_adhesion", &["adhesion of <geom>"]),

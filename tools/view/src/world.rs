@@ -7,50 +7,17 @@ use foxglove::messages::{
 use foxglove::{Encode as _, Schema};
 use motorium::plan::Plan;
 use motorium::state::{ObjectPoses, StateBuffer as _};
-use motorium_robots::{Appearance, BasePose, Colour};
+use motorium_robots::{BasePose, Colour, Ground, Object, ObjectShape, World};
 use serde::Deserialize;
 
 /// The frame in which robots and objects stand.
 const WORLD: &str = "world";
 /// Sides of the part of the ground that is drawn, and its thickness, m.
-const GROUND: [f64; 3] = [6.0, 6.0, 0.002];
+const PLANE: [f64; 3] = [6.0, 6.0, 0.002];
 
 const FIXED: Color = Color { r: 0.55, g: 0.58, b: 0.62, a: 1.0 };
 const FREE: Color = Color { r: 0.85, g: 0.55, b: 0.2, a: 1.0 };
 const EARTH: Color = Color { r: 0.8, g: 0.82, b: 0.84, a: 0.6 };
-
-/// The part of a world that can be drawn; other keys are those of the component that simulates it.
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct World {
-    ground: Option<Ground>,
-    objects: Vec<Object>,
-    appearance: Appearance,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-struct Ground {
-    height: f64,
-}
-
-#[derive(Debug, Deserialize)]
-struct Object {
-    name: String,
-    shape: Shape,
-    mass: Option<f64>,
-    position: [f64; 3],
-    #[serde(default)]
-    rpy: [f64; 3],
-}
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(rename_all = "snake_case")]
-enum Shape {
-    Box { size: [f64; 3] },
-    Sphere { radius: f64 },
-    Cylinder { radius: f64, length: f64 },
-}
 
 /// The world of a plan as a scene: schema and message. `None` if it has none, or none that can be drawn.
 ///
@@ -64,10 +31,10 @@ pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
         .iter()
         .map(|object| entity(object, world.appearance.colours.get(&object.name), told))
         .collect();
-    if let Some(Ground { height }) = world.ground {
-        let position = [0.0, 0.0, height - 0.5 * GROUND[2]];
+    if let Some(Ground { height, .. }) = world.ground {
+        let position = [0.0, 0.0, height - 0.5 * PLANE[2]];
         let cube =
-            CubePrimitive { pose: pose(position, [0.0; 3]), size: Some(vector(GROUND)), color: Some(EARTH) };
+            CubePrimitive { pose: pose(position, [0.0; 3]), size: Some(vector(PLANE)), color: Some(EARTH) };
         entities.push(SceneEntity {
             frame_id: WORLD.to_string(),
             id: "ground".to_string(),
@@ -85,7 +52,8 @@ pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
 fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
     let moves = object.mass.is_some();
     let of_its_own = moves && told;
-    let pose = if of_its_own { pose([0.0; 3], [0.0; 3]) } else { pose(object.position, object.rpy) };
+    let (position, rpy) = if of_its_own { ([0.0; 3], [0.0; 3]) } else { (object.position, object.rpy) };
+    let pose = pose(position, rpy);
     let color = match colour {
         Some([r, g, b]) => Some(Color { r: *r, g: *g, b: *b, a: 1.0 }),
         None => Some(if moves { FREE } else { FIXED }),
@@ -97,19 +65,35 @@ fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
         ..SceneEntity::default()
     };
     match object.shape {
-        Shape::Box { size } => {
+        ObjectShape::Box { size } => {
             entity.cubes.push(CubePrimitive { pose, size: Some(vector(size)), color });
         }
-        Shape::Sphere { radius } => {
-            entity.spheres.push(SpherePrimitive { pose, size: Some(vector([2.0 * radius; 3])), color });
+        ObjectShape::Sphere { radius } => {
+            entity.spheres.push(sphere(pose, radius, color));
         }
-        Shape::Cylinder { radius, length } => {
+        ObjectShape::Cylinder { radius, length } | ObjectShape::Capsule { radius, length } => {
             let size = Some(vector([2.0 * radius, 2.0 * radius, length]));
             let (bottom_scale, top_scale) = (1.0, 1.0);
+            if matches!(object.shape, ObjectShape::Capsule { .. }) {
+                let ends = [-0.5 * length, 0.5 * length].map(|z| moved(position, rpy, z));
+                entity.spheres.extend(ends.map(|end| sphere(end, radius, color)));
+            }
             entity.cylinders.push(CylinderPrimitive { pose, size, bottom_scale, top_scale, color });
         }
     }
     entity
+}
+
+fn sphere(pose: Option<Pose>, radius: f64, color: Option<Color>) -> SpherePrimitive {
+    SpherePrimitive { pose, size: Some(vector([2.0 * radius; 3])), color }
+}
+
+/// A pose moved along its own z axis.
+fn moved(position: [f64; 3], rpy: [f64; 3], z: f64) -> Option<Pose> {
+    let from = BasePose { position, rpy }.isometry();
+    let mut shift = from.translation.vector;
+    (shift.x, shift.y, shift.z) = (0.0, 0.0, z);
+    pose((from.translation.vector + from.rotation * shift).into(), rpy)
 }
 
 fn vector([x, y, z]: [f64; 3]) -> Vector3 {
@@ -129,6 +113,17 @@ mod tests {
 
     fn object(text: &str) -> Object {
         serde_json::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn a_capsule_has_a_sphere_at_each_end_of_its_length() {
+        let capsule = object(
+            r#"{"name": "bar", "shape": {"capsule": {"radius": 0.1, "length": 0.6}}, "position": [1, 0, 0], "rpy": [0, 1.5707963267948966, 0]}"#,
+        );
+        let drawn = entity(&capsule, None, true);
+        let ends: Vec<f64> = drawn.spheres.iter().map(|end| end.pose.unwrap().position.unwrap().x).collect();
+        assert!((ends[0] - 0.7).abs() < 1e-12 && (ends[1] - 1.3).abs() < 1e-12, "{ends:?}");
+        assert_eq!(drawn.cylinders[0].size.unwrap().z, 0.6);
     }
 
     #[test]

@@ -12,6 +12,8 @@ use motorium::state::{
     BaseState, Contacts, Event, ImageInfo, JointState, ObjectPoses, Odometry, PoseTarget, StateBuffer, Text,
     from_bytes,
 };
+use motorium_robots::World;
+use serde::Deserialize as _;
 
 use super::Schema;
 use super::fields::{quaternion, timestamp, vector};
@@ -252,10 +254,9 @@ fn first_state(plan: &Plan, index: usize) -> Option<usize> {
 
 /// Names of the objects of the world of the component that writes their poses.
 fn object_names(plan: &Plan, writer: usize) -> Vec<String> {
-    let world = plan.components.get(writer).map(|component| &component.config["world"]["objects"]);
-    let objects = world.and_then(|objects| objects.as_array());
-    let name = |object: &serde_json::Value| object["name"].as_str().unwrap_or_default().to_string();
-    objects.into_iter().flatten().map(name).collect()
+    let world =
+        plan.components.get(writer).and_then(|component| World::deserialize(&component.config["world"]).ok());
+    world.unwrap_or_default().objects.into_iter().map(|object| object.name).collect()
 }
 
 fn odometry(odometry: &Odometry, base: &str, time_ns: u64) -> FoxgloveOdometry {

@@ -82,6 +82,11 @@ impl Actuators {
         }
     }
 
+    /// True where a motor moves apart from its joint.
+    pub(super) fn have_drivetrains(&self) -> bool {
+        self.joints.iter().any(|driven| driven.now.drivetrain().is_some())
+    }
+
     /// Begins a step: the commands of these drives that act in it, and what networks make of them.
     pub(super) fn begin(&mut self, robot: &Robot, drives: &Range<usize>) {
         let (q, v) = (&robot.positions()[drives.clone()], &robot.velocities()[drives.clone()]);

@@ -74,17 +74,22 @@ impl ImplicitSolver {
         fits
     }
 
-    /// Begins a step: the laws of all joints.
+    /// Begins a step: the laws of all joints, those of a step of the midpoint rule where `middle` has the positions there.
     pub(super) fn begin(
         &mut self,
         (joints, commands, bounds): (&[JointProperties], &[JointCommand], &[[f64; 2]]),
         start: &Start<'_>,
+        middle: Option<&[f64]>,
     ) {
         let offset = start.v.len() - joints.len();
         self.laws.clear();
         self.laws.resize(offset, Laws::FREE);
         for (i, (joint, command)) in joints.iter().zip(commands).enumerate() {
-            self.laws.push(Laws::new(joint, command, bounds[i], (start.q[i], start.h)));
+            let laws = Laws::new(joint, command, bounds[i], (start.q[i], start.h));
+            self.laws.push(match middle {
+                Some(middle) => laws.midway(joint, [start.q[i], middle[i]], start.h),
+                None => laws,
+            });
             let mode = &mut self.modes[offset + i];
             match (joint.friction > 0.0, mode.friction) {
                 (true, Friction::None) => mode.friction = Friction::Stick,

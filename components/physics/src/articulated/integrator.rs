@@ -5,13 +5,13 @@ use nalgebra::{DMatrix, DVector, Quaternion, UnitQuaternion, Vector3};
 
 use super::implicit::{GUESSES, ImplicitSolver, Singular, Start};
 use super::laws::Mode;
-use crate::JointCommand;
 use crate::contact::ImpulseTarget;
 use crate::joint::JointProperties;
+use crate::{Integrator, JointCommand};
 
 /// A joint-space integrator: it moves a robot that touches nothing by one integration step at a time.
 ///
-/// Semi-implicit Euler, of first order, in the independent coordinates: mimic joints are exact, since they have no
+/// Semi-implicit Euler by default, of first order, in the independent coordinates: mimic joints are exact, since they have no
 /// coordinate of their own. A floating base comes first. The end velocity `v+` of a step of length h solves
 ///
 /// ```text
@@ -30,6 +30,18 @@ use crate::joint::JointProperties;
 ///
 /// The drive acts at the end of the step, which damps it: a drive with Kp and Kd behaves as one with Kd + h Kp. A
 /// drive without damping therefore comes to rest.
+///
+/// [`Integrator::Midpoint`] is of second order. It takes the inertia and the bias in the middle of the step, the latter at the mean
+/// of the velocities before and after:
+///
+/// ```text
+/// q_m = q + h/2 v
+/// M(q_m) (v+ - v) / h + C(q_m, v_m) v_m + g(q_m) = tau(q + h v+, v+) - D v+ + friction(v+)      v_m = (v + v+) / 2
+/// q+ = q_m + h/2 v+
+/// ```
+///
+/// with `v_m` from a first solution of the same step. Drives act at the end of the step as before, so that gains of any size are
+/// stable; what they, damping and friction do is of first order. A joint that may meet its stop takes Euler's method in that step.
 ///
 /// Nothing allocates after [`new`](Self::new).
 ///
@@ -61,6 +73,14 @@ pub struct JointSpaceIntegrator {
     bias: DVector<f64>,
     v_next: DVector<f64>,
     solver: ImplicitSolver,
+    /// The method of [`advance`](Self::advance).
+    method: Integrator,
+    /// The present step is one of the midpoint rule: it has these positions in its middle, and starts with these velocities, those of a
+    /// base in its axes there.
+    midway: bool,
+    q_middle: Vec<f64>,
+    v_middle: Vec<f64>,
+    v_mean: Vec<f64>,
 }
 
 /// Counts of joints on a limit at the end of an integration step.
@@ -85,7 +105,17 @@ impl JointSpaceIntegrator {
             bias: DVector::zeros(n),
             v_next: DVector::zeros(n),
             solver: ImplicitSolver::new(model),
+            method: Integrator::Euler,
+            midway: false,
+            q_middle: vec![0.0; model.nq()],
+            v_middle: vec![0.0; n],
+            v_mean: vec![0.0; n],
         }
+    }
+
+    /// The same with this method in [`advance`](Self::advance).
+    pub fn with_method(self, method: Integrator) -> Self {
+        Self { method, ..self }
     }
 
     /// Passive properties of the joints.
@@ -139,7 +169,7 @@ impl JointSpaceIntegrator {
         h: f64,
         tau: &mut [f64],
     ) -> Result<JointEvents, Singular> {
-        self.begin(model, (&*q, &*v), commands, (gravity, &[]), h);
+        self.begin(model, (&*q, &*v), commands, (gravity, &[]), (h, self.method));
         let mut settled = false;
         for _ in 0..GUESSES {
             self.find_free(model, (&*q, &*v), h)?;
@@ -158,17 +188,79 @@ impl JointSpaceIntegrator {
         model: &Model,
         (q, v): (&[f64], &[f64]),
         commands: &[JointCommand],
-        (gravity, force): (Vector3<f64>, &[f64]),
+        forces: (Vector3<f64>, &[f64]),
+        (h, method): (f64, Integrator),
+    ) {
+        self.midway = method == Integrator::Midpoint && self.is_far_from_stops(model, (q, v), h);
+        if self.midway {
+            self.begin_midway(model, (q, v), commands, forces, h);
+            return;
+        }
+        self.assemble_mass(model, q);
+        self.assemble_bias(model, (q, v), forces);
+        let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
+        self.solver.begin((&self.joints, commands, &self.bounds), &start, None);
+    }
+
+    /// Begins a step of the midpoint rule: a first solution gives the mean velocity, at which the bias is that of the step.
+    fn begin_midway(
+        &mut self,
+        model: &Model,
+        (q, v): (&[f64], &[f64]),
+        commands: &[JointCommand],
+        forces: (Vector3<f64>, &[f64]),
         h: f64,
     ) {
-        self.dynamics.bias(model, q, v, gravity, self.bias.as_mut_slice());
-        for (bias, force) in self.bias.iter_mut().zip(force) {
-            *bias -= force;
+        let mut taken = [&mut self.q_middle, &mut self.v_middle, &mut self.v_mean].map(core::mem::take);
+        let [q_middle, v_middle, v_mean] = &mut taken;
+        q_middle.copy_from_slice(q);
+        v_middle.copy_from_slice(v);
+        integrate_position(model, q_middle, v_middle, 0.5 * h);
+        self.assemble_mass(model, q_middle);
+        self.assemble_bias(model, (q_middle, v_middle), forces);
+        let (x, mass, bias) = (self.v_next.as_mut_slice(), &self.mass, self.bias.as_slice());
+        let start = Start { q: model.joints_of_q(q), v: v_middle, h, mass, bias };
+        self.solver.begin((&self.joints, commands, &self.bounds), &start, Some(model.joints_of_q(q_middle)));
+        for _ in 0..GUESSES {
+            // A singular matrix is reported where the end velocity is looked for.
+            if self.solver.solve_modes(&start, x).is_err() || self.solver.confirm(&start, x) {
+                break;
+            }
         }
+        for ((mean, before), after) in v_mean.iter_mut().zip(&*v_middle).zip(x) {
+            *mean = 0.5 * (before + *after);
+        }
+        self.assemble_bias(model, (q_middle, v_mean), forces);
+        [self.q_middle, self.v_middle, self.v_mean] = taken;
+    }
+
+    /// True where no joint may come to a stop in the next step.
+    fn is_far_from_stops(&self, model: &Model, (q, v): (&[f64], &[f64]), h: f64) -> bool {
+        let states = model.joints_of_q(q).iter().zip(model.joints_of_v(v));
+        self.joints.iter().zip(states).all(|(joint, (q, v))| {
+            let reach = 2.0 * h * v.abs();
+            q - joint.lower > reach && joint.upper - q > reach
+        })
+    }
+
+    fn assemble_mass(&mut self, model: &Model, q: &[f64]) {
         self.dynamics.crba(model, q, &mut self.mass);
         let offset = model.nv() - self.joints.len();
         for (index, joint) in self.joints.iter().enumerate() {
             self.mass[(offset + index, offset + index)] += joint.armature;
+        }
+    }
+
+    /// The bias, less `force`. The mass matrix has been assembled.
+    fn assemble_bias(
+        &mut self,
+        model: &Model,
+        (q, v): (&[f64], &[f64]),
+        (gravity, force): (Vector3<f64>, &[f64]),
+    ) {
+        self.dynamics.bias(model, q, v, gravity, self.bias.as_mut_slice());
+        for (bias, force) in self.bias.iter_mut().zip(force) {
+            *bias -= force;
         }
         if model.base().floating {
             // In axes that stand still the base's velocity does not turn with it: remove the term of the turning axes.
@@ -177,8 +269,6 @@ impl JointSpaceIntegrator {
                 *bias -= (0..3).map(|column| self.mass[(row, column)] * turning[column]).sum::<f64>();
             }
         }
-        let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
-        self.solver.begin((&self.joints, commands, &self.bounds), &start);
     }
 
     /// The end velocity of the present modes without impulses of contacts.
@@ -188,12 +278,14 @@ impl JointSpaceIntegrator {
         (q, v): (&[f64], &[f64]),
         h: f64,
     ) -> Result<(), Singular> {
+        let v = if self.midway { &self.v_middle } else { v };
         let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
         self.solver.solve_modes(&start, self.v_next.as_mut_slice())
     }
 
     /// True where the end velocity confirms the modes; otherwise the next guess has others.
     pub(super) fn confirm(&mut self, model: &Model, (q, v): (&[f64], &[f64]), h: f64) -> bool {
+        let v = if self.midway { &self.v_middle } else { v };
         let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
         self.solver.confirm(&start, self.v_next.as_mut_slice())
     }
@@ -209,11 +301,17 @@ impl JointSpaceIntegrator {
     ) -> JointEvents {
         let x = self.v_next.as_mut_slice();
         if !settled {
+            let v = if self.midway { self.v_middle.as_slice() } else { &*v };
             let start = Start { q: model.joints_of_q(q), v, h, mass: &self.mass, bias: self.bias.as_slice() };
             self.solver.relax(&start, x);
         }
         let events = self.solver.finish(x, tau);
-        integrate_position(model, q, x, h);
+        if self.midway {
+            q.copy_from_slice(&self.q_middle);
+            integrate_position(model, q, x, 0.5 * h);
+        } else {
+            integrate_position(model, q, x, h);
+        }
         v.copy_from_slice(x);
         events
     }

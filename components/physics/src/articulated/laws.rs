@@ -58,6 +58,8 @@ pub(crate) struct Laws {
     max_velocity: f64,
     /// Fall of its highest effort beyond those velocities.
     braking_slope: f64,
+    /// Force of the joint's spring at no velocity, and how it and the damping fall with the velocity.
+    spring: f64,
     pub(super) damping: f64,
     pub(super) friction: f64,
     /// Range of `v+` the stops allow.
@@ -67,6 +69,12 @@ pub(crate) struct Laws {
 
 /// Decay rate of the distance of a joint beyond its stop \[1/s\]. Gentle: to undo it within one step would be a blow.
 const RECOVERY_RATE: f64 = 20.0;
+
+/// The velocity at which a joint arrives at a stop at this distance within `h` exactly; where it is beyond, that at which it may come
+/// back.
+fn reach(distance: f64, beyond: bool, h: f64) -> f64 {
+    if beyond { distance * RECOVERY_RATE } else { distance / h }
+}
 
 impl Laws {
     /// A velocity of a floating base: nothing acts on it.
@@ -78,6 +86,7 @@ impl Laws {
         min_velocity: f64::NEG_INFINITY,
         max_velocity: f64::INFINITY,
         braking_slope: 0.0,
+        spring: 0.0,
         damping: 0.0,
         friction: 0.0,
         slowest: f64::NEG_INFINITY,
@@ -92,9 +101,6 @@ impl Laws {
         [low, high]: [f64; 2],
         (q, h): (f64, f64),
     ) -> Self {
-        // Within the range a joint may arrive at the stop exactly; beyond it, it may only come back.
-        let reach =
-            |distance: f64, beyond: bool| if beyond { distance * RECOVERY_RATE } else { distance / h };
         let limit = joint.effort_limit.abs();
         let band = BRAKING_BAND * command.max_velocity.max(-command.min_velocity);
         let brakes = limit.is_finite() && band.is_finite();
@@ -106,10 +112,23 @@ impl Laws {
             min_velocity: if brakes { command.min_velocity } else { f64::NEG_INFINITY },
             max_velocity: if brakes { command.max_velocity } else { f64::INFINITY },
             braking_slope: if brakes { 2.0 * limit / band } else { 0.0 },
-            damping: joint.damping,
+            spring: joint.stiffness * (joint.rest - q),
+            damping: joint.damping + h * joint.stiffness,
             friction: joint.friction,
-            slowest: reach(joint.lower - q, q < joint.lower),
-            fastest: reach(joint.upper - q, q > joint.upper),
+            slowest: reach(joint.lower - q, q < joint.lower, h),
+            fastest: reach(joint.upper - q, q > joint.upper, h),
+        }
+    }
+
+    /// The laws in a step of the midpoint rule from position `q` over `middle`, from where the end velocity leads on: stops are those
+    /// of its second half, and a spring acts with the mean of its forces at both ends, which keeps its energy.
+    pub(super) fn midway(self, joint: &JointProperties, [q, middle]: [f64; 2], h: f64) -> Self {
+        Self {
+            spring: joint.stiffness * (joint.rest - 0.5 * (q + middle)),
+            damping: joint.damping + 0.25 * h * joint.stiffness,
+            slowest: reach(joint.lower - middle, middle < joint.lower, 0.5 * h),
+            fastest: reach(joint.upper - middle, middle > joint.upper, 0.5 * h),
+            ..self
         }
     }
 
@@ -203,7 +222,7 @@ impl Laws {
             Friction::Forwards => -self.friction,
             Friction::Backwards => self.friction,
         };
-        (drive + friction, slope + self.damping)
+        (drive + friction + self.spring, slope + self.damping)
     }
 
     /// The velocity `mode` fixes, if it does.
@@ -252,6 +271,7 @@ impl Laws {
     pub(super) fn solve_alone(&self, inertia: f64, rest: f64, h: f64) -> f64 {
         // Root of inertia x + rest - h (drive(x) - damping x) = h push, strictly increasing in x.
         let root = |push: f64| {
+            let push = push + self.spring;
             let linear =
                 (h * (self.drive_0 + push) - rest) / (inertia + h * (self.drive_slope + self.damping));
             let full = |effort: f64| (h * (effort + push) - rest) / (inertia + h * self.damping);

@@ -2,9 +2,11 @@
 //! fixed or a floating base.
 
 mod actuators;
+mod connect;
 mod implicit;
 mod integrator;
 mod laws;
+mod overlaps;
 mod part;
 mod push;
 mod step;
@@ -18,8 +20,8 @@ use crate::rays::Rays;
 use crate::robot::{Robot, RobotSetup};
 use crate::simulation::{Engine, Simulation};
 use crate::{
-    BuildError, BuildWarning, Capabilities, Contact, Options, RayHit, ResetError, StepError, StepReport,
-    World,
+    BuildError, BuildWarning, Capabilities, ConnectError, Connection, Contact, Options, RayHit, ResetError,
+    StepError, StepReport, World,
 };
 use actuators::ActuatorsState;
 pub use implicit::Singular;
@@ -66,7 +68,8 @@ pub type ArticulatedSimulator = Simulation<Articulated>;
 ///
 /// with contact impulses `lambda` that keep surfaces from overlapping and friction in Coulomb's cone
 /// ([`JointSpaceIntegrator`] has the other terms). Several articulations and the free objects of the world are part of
-/// the same problem; what no contact joins is solved apart. The method is semi-implicit Euler, of first order in h.
+/// the same problem; what no contact joins is solved apart. The method is semi-implicit Euler, of first order in h; what touches nothing
+/// may take the [midpoint rule](crate::Integrator::Midpoint) instead.
 ///
 /// Contacts are found at points: spheres, the ends of capsules, the corners of boxes, the rims of cylinders and the
 /// outermost points of meshes, each against the surface of the other collider. Where these miss a
@@ -105,12 +108,6 @@ pub struct LinkForce<'a> {
     pub force: Vector3<f64>,
 }
 
-/// Links that start closer than this never touch each other \[m\].
-const TOO_CLOSE: f64 = 0.010;
-
-/// A link that starts deeper than this inside an object is worth a warning \[m\].
-const INSIDE: f64 = 1e-3;
-
 /// The state of an [`Articulated`] engine that later steps depend on.
 pub struct ArticulatedState {
     parts: Vec<PartState>,
@@ -128,8 +125,14 @@ impl Engine for Articulated {
 
     const NAME: &'static str = "articulated";
 
-    const CAPABILITIES: Capabilities =
-        Capabilities { floating_bases: true, allocation_free: true, rolling_friction: true, conveyors: true };
+    const CAPABILITIES: Capabilities = Capabilities {
+        floating_bases: true,
+        allocation_free: true,
+        rolling_friction: true,
+        conveyors: true,
+        textures: true,
+        integrators: true,
+    };
 
     fn build(
         setups: &[RobotSetup],
@@ -139,7 +142,8 @@ impl Engine for Articulated {
         warnings: &mut Vec<BuildWarning>,
     ) -> Result<Self, BuildError> {
         let articulations = robot.articulations.iter().zip(setups);
-        let parts = articulations.map(|(own, setup)| Part::new(own, setup, &robot.joints[own.joints()]));
+        let parts = articulations
+            .map(|(own, setup)| Part::new(own, setup, &robot.joints[own.joints()], options.integrator));
         let parts = parts.collect::<Result<Vec<_>, _>>()?;
         let colliders = Colliders::new(setups, world, options, warnings);
         Ok(Self {
@@ -148,7 +152,7 @@ impl Engine for Articulated {
             options: *options,
             bases: vec![Isometry3::identity(); parts.len()],
             parts,
-            scene: ContactScene::new(robot, colliders, world, options.sleeping),
+            scene: ContactScene::new(robot, colliders, world, options),
         })
     }
 
@@ -265,6 +269,19 @@ impl Engine for Articulated {
         self.scene.object_velocity(index)
     }
 
+    fn connect(
+        &mut self,
+        place: (&Robot, &World),
+        connection: &Connection,
+        lasting: bool,
+    ) -> Result<(), ConnectError> {
+        self.connect_parts(place, connection, lasting)
+    }
+
+    fn disconnect(&mut self, (robot, world): (&Robot, &World), parts: [&str; 2]) -> bool {
+        self.disconnect_parts(robot, world, parts)
+    }
+
     fn visit_impulses(&self, _: f64, visit: &mut dyn FnMut(&str, &Vector3<f64>, &Vector3<f64>)) {
         self.sums.visit(&self.scene.colliders().colliders, visit);
     }
@@ -305,40 +322,6 @@ impl Articulated {
             if parts[of].h > 0.0 { &parts[of].kinematics } else { &robot.articulations[of].kinematics }
         };
         self.scene.set_poses(of, &self.bases);
-    }
-
-    /// Pairs of links closer than [`TOO_CLOSE`], with a warning each; warns of links inside other things, too.
-    fn close_links(&mut self, warnings: &mut Vec<BuildWarning>) -> Vec<[usize; 2]> {
-        let mut close = Vec::new();
-        self.scene.detect(0.0, TOO_CLOSE);
-        for (_, point, ..) in self.scene.points() {
-            let (a, b) = point.colliders;
-            let pair = [a.min(b), a.max(b)];
-            let colliders = self.scene.colliders();
-            let name = |index: usize| colliders.colliders[index].name.clone();
-            let (first, second) = (name(pair[0]), name(pair[1]));
-            if colliders.both_links(pair) {
-                if close.contains(&pair) {
-                    continue;
-                }
-                close.push(pair);
-                // Links of several shapes are named once.
-                let named = |warning: &BuildWarning| {
-                    matches!(warning, BuildWarning::SelfCollisionOff { first: a, second: b, .. }
-                        if (a, b) == (&first, &second))
-                };
-                if !warnings.iter().any(named) {
-                    let distance = point.distance.max(0.0);
-                    warnings.push(BuildWarning::SelfCollisionOff { first, second, distance });
-                }
-            } else if pair[0] < colliders.first_object && point.distance < -INSIDE {
-                let warning = BuildWarning::StartsInside { link: first, other: second };
-                if !warnings.contains(&warning) {
-                    warnings.push(warning);
-                }
-            }
-        }
-        close
     }
 }
 

@@ -5,10 +5,10 @@ use nalgebra::DMatrix;
 
 use super::actuators::Actuators;
 use super::integrator::JointSpaceIntegrator;
-use crate::BuildError;
 use crate::contact::{ImpulseTarget, MovedByImpulses};
 use crate::joint::JointProperties;
 use crate::robot::{Articulation, RobotSetup};
+use crate::{BuildError, Integrator};
 
 /// The workspace of an articulation.
 pub(super) struct Part {
@@ -33,6 +33,8 @@ pub(super) struct Part {
     /// Joints whose effort was cut in the step, and those at a limit at its end.
     pub(super) saturated: usize,
     pub(super) at_limit: usize,
+    /// The method of steps in which nothing touches it.
+    pub(super) method: Integrator,
 }
 
 impl Part {
@@ -40,6 +42,7 @@ impl Part {
         own: &Articulation,
         setup: &RobotSetup,
         joints: &[JointProperties],
+        method: Integrator,
     ) -> Result<Self, BuildError> {
         let model = own.model();
         Ok(Self {
@@ -57,6 +60,7 @@ impl Part {
             h: 0.0,
             saturated: 0,
             at_limit: 0,
+            method,
         })
     }
 }

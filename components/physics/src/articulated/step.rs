@@ -8,8 +8,9 @@ use motorium_robots::Reference;
 
 use super::implicit::GUESSES;
 use super::{Articulated, JointEvents, Part, Singular};
+use crate::contact::ContactScene;
 use crate::robot::{Articulation, Robot, State};
-use crate::{JointCommand, StepError, StepReport};
+use crate::{Integrator, JointCommand, StepError, StepReport};
 
 impl Articulated {
     /// The next state of the robots and the objects, `dt` \[s\] after the current one.
@@ -64,7 +65,7 @@ impl Articulated {
         scene.prepare(articulations, kinematics, &state.v_next, gravity);
         for (of, (part, own)) in parts.iter_mut().zip(&*articulations).enumerate() {
             if part.h > 0.0 {
-                part.begin((own, first), (&commands[own.drives()], state), gravity, || scene.is_held(of));
+                part.begin((own, first), (&commands[own.drives()], state), gravity, (scene, of));
             }
         }
         for _ in 0..GUESSES {
@@ -106,13 +107,13 @@ impl Articulated {
 }
 
 impl Part {
-    /// Begins an integration step. `is_held` tells that something outside touches the robot, or soon may.
+    /// Begins an integration step of the articulation of this index in `scene`.
     fn begin(
         &mut self,
         (own, first): (&Articulation, bool),
         (commands, state): (&[JointCommand], &mut State),
         gravity: &Vector3<f64>,
-        is_held: impl Fn() -> bool,
+        (scene, of): (&ContactScene, usize),
     ) {
         let h = self.h;
         let (model, rotors) = (&own.model, &own.rotors);
@@ -128,15 +129,18 @@ impl Part {
             }
         }
         let (q, v) = (&state.q_next[own.q()], &state.v_next[own.v()]);
-        let alone = rotors.is_empty() && self.external.iter().all(|force| *force == 0.0);
-        let in_the_air = model.base().floating && alone && !is_held();
+        let unpushed = self.external.iter().all(|force| *force == 0.0);
+        let in_the_air = model.base().floating && rotors.is_empty() && unpushed && !scene.is_held(of);
         self.momentum = in_the_air.then(|| self.dynamics.momentum(model, q, v));
+        let elastic = self.actuators.have_drivetrains();
         let commands = self.actuators.pass(
             commands,
             (model.joints_of_q(q), model.joints_of_v(v), h),
             &mut self.integrator,
         );
-        self.integrator.begin(model, (q, v), commands, (*gravity, &self.rotor_force), h);
+        let free = self.method == Integrator::Midpoint && unpushed && !elastic && !scene.is_touched(of);
+        let method = if free { Integrator::Midpoint } else { Integrator::Euler };
+        self.integrator.begin(model, (q, v), commands, (*gravity, &self.rotor_force), (h, method));
         (self.pending, self.settled) = (true, false);
     }
 

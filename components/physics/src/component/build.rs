@@ -101,6 +101,7 @@ fn one<E: PhysicsEngine>(
     setup.actuators =
         actuators::settings(config.actuator.as_ref(), &config.actuators, &loaded.model, folder)?;
     config.set_surfaces(core::slice::from_mut(&mut setup))?;
+    config.set_springs(core::slice::from_mut(&mut setup))?;
     let drives = loaded.model.joint_count() + setup.rotors.len();
     let joints = config.start(&loaded)?;
     let base = config.base_start(&loaded, robot.pose.is_some())?;
@@ -111,6 +112,7 @@ fn one<E: PhysicsEngine>(
         Simulation::new(setup, config.world.clone(), &q, config.solver).map_err(config::refused)?;
     let on_ground = if loaded.model.base().floating && base.is_none() { vec![0] } else { Vec::new() };
     E::prepare(&mut simulation, &on_ground);
+    config.connect(&mut simulation)?;
     let robot = BuiltRobot { name: None, loaded, articulation: 0, drives: 0..drives };
     Ok(Built { simulation, robots: vec![robot], on_ground })
 }
@@ -157,12 +159,14 @@ fn several<E: PhysicsEngine>(
     let mut setups = setups.collect::<Result<Vec<_>, _>>()?;
     set_actuators(config, &mut setups, folder)?;
     config.set_surfaces(&mut setups)?;
+    config.set_springs(&mut setups)?;
     let q: Vec<f64> = groups.iter().flatten().flat_map(|index| loaded[*index].q.clone()).collect();
     let mut simulation =
         Simulation::of_robots(setups, config.world.clone(), &q, config.solver).map_err(config::refused)?;
     let anywhere: Vec<usize> =
         (0..loaded.len()).filter(|index| loaded[*index].anywhere).map(|index| places[index].0).collect();
     E::prepare(&mut simulation, &anywhere);
+    config.connect(&mut simulation)?;
     let built = loaded.into_iter().zip(robots).zip(places);
     let built = built.map(|((own, robot), (articulation, drives))| BuiltRobot {
         name: Some(robot.name.clone()),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use motorium::declare::ConfigError;
-use motorium_robots::{BaseMode, BasePose, Loaded, Model, PerJoint, Posture};
+use motorium_robots::{BaseMode, BasePose, Grain, Loaded, Model, PerJoint, Posture, Softness};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -11,7 +11,7 @@ use serde::Deserialize;
 use super::actuators::ActuatorConfig;
 use super::pushes::PushConfig;
 use super::randomise::RandomiseConfig;
-use crate::{BuildError, Options, RobotSetup, World};
+use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 
 /// Configuration of the physics kinds: where robots start, what is around them, and the settings of the engine.
 ///
@@ -42,6 +42,11 @@ pub struct PhysicsConfig {
     pub actuator: Option<ActuatorConfig>,
     /// Actuators of single joints by their names, in place of `actuator`. With several robots a name is `ROBOT/JOINT`.
     pub actuators: BTreeMap<String, ActuatorConfig>,
+    /// Connections of links and objects besides the joints of the robots, made as all stands at the start: they close loops. With several
+    /// robots a link is `ROBOT/LINK`.
+    pub connections: Vec<Connection>,
+    /// Springs in joints by their names, in place of those of an MJCF file. With several robots a name is `ROBOT/JOINT`.
+    pub springs: BTreeMap<String, SpringConfig>,
     /// Surfaces of single links by their names, in place of those of `solver` and of the profile. With several robots a name is
     /// `ROBOT/LINK`.
     pub surfaces: BTreeMap<String, SurfaceConfig>,
@@ -64,6 +69,22 @@ pub struct SurfaceConfig {
     /// Share of the approach speed kept after an impact, 0 to 1. That of a contact is the mean of both surfaces'.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: Option<f64>,
+    /// Softness: contact points give way as a spring and a damper. Default: the surface is rigid.
+    pub soft: Option<Softness>,
+    /// Friction along a direction of the link that differs from that across it.
+    pub grain: Option<Grain>,
+}
+
+/// A spring in a joint.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SpringConfig {
+    /// Stiffness (N m/rad or N/m), from 0.
+    #[schemars(range(min = 0.0))]
+    pub stiffness: f64,
+    /// Position of the joint at which the spring is relaxed (rad or m). Default 0.
+    #[serde(default)]
+    pub rest: f64,
 }
 
 /// Start of one of several robots.
@@ -138,7 +159,8 @@ impl PhysicsConfig {
 
     /// Gives single links of these robots surfaces of their own.
     pub(super) fn set_surfaces(&self, setups: &mut [RobotSetup]) -> Result<(), ConfigError> {
-        for (link, SurfaceConfig { friction, restitution }) in &self.surfaces {
+        for (link, surface) in &self.surfaces {
+            let SurfaceConfig { friction, restitution, soft, grain } = surface;
             let key = |name: &str| format!("surfaces.{link}{name}");
             // A link that no robot has is refused with the first.
             let owner = setups.iter().position(|setup| setup.model.frame(link).is_ok()).unwrap_or(0);
@@ -160,6 +182,40 @@ impl PhysicsConfig {
                 }
                 setup.restitution.insert(link.clone(), restitution);
             }
+            if let Some(soft) = soft {
+                soft.check(link).map_err(|error| ConfigError::key(key(".soft"), error.to_string()))?;
+                setup.soft.insert(link.clone(), *soft);
+            }
+            if let Some(grain) = grain {
+                grain.check(link).map_err(|error| ConfigError::key(key(".grain"), error.to_string()))?;
+                setup.grain.insert(link.clone(), *grain);
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts springs into joints of these robots.
+    pub(super) fn set_springs(&self, setups: &mut [RobotSetup]) -> Result<(), ConfigError> {
+        for (joint, SpringConfig { stiffness, rest }) in &self.springs {
+            // A joint that no robot has is refused with the first.
+            let has = |setup: &RobotSetup| setup.model.bodies().iter().any(|body| body.joint.name == *joint);
+            let owner = setups.iter().position(has).unwrap_or(0);
+            let setup = &mut setups[owner];
+            setup.model = setup
+                .model
+                .with_springs(&[(joint, *stiffness, *rest)])
+                .map_err(|error| ConfigError::key(format!("springs.{joint}"), error.to_string()))?;
+        }
+        Ok(())
+    }
+
+    /// Connects what is to be connected, as all stands.
+    pub(super) fn connect(&self, simulation: &mut impl Simulator) -> Result<(), ConfigError> {
+        for (index, connection) in self.connections.iter().enumerate() {
+            let refused = |error: crate::ConnectError| {
+                ConfigError::key(format!("connections.{index}"), error.to_string())
+            };
+            simulation.connect(connection).map_err(refused)?;
         }
         Ok(())
     }
@@ -267,6 +323,7 @@ pub(super) fn refused(error: BuildError) -> ConfigError {
             ConfigError::key("world", message)
         }
         BuildError::Option { name, .. } => ConfigError::key(format!("solver.{name}"), message),
+        BuildError::Integrator { .. } => ConfigError::key("solver.integrator", message),
         BuildError::State(_) => ConfigError::key("position", message),
         BuildError::NoRobot | BuildError::Name { .. } | BuildError::SeveralArticulations => {
             ConfigError::key("robots", message)

@@ -22,7 +22,7 @@ use crate::{Articulated, BuildWarning, Mujoco, Rapier, Simulation, Simulator, St
 pub use actuators::ActuatorConfig;
 pub use build::PhysicsEngine;
 use build::{Built, build};
-pub use config::{PhysicsConfig, SurfaceConfig};
+pub use config::{PhysicsConfig, SpringConfig, SurfaceConfig};
 pub use pushes::PushConfig;
 use pushes::Pushes;
 use randomise::Randomiser;

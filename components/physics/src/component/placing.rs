@@ -60,12 +60,17 @@ impl Placing {
             collision_rules: self.setup.collision_rules.prefixed(&self.prefix),
             friction: self.of_links(&self.setup.friction).collect(),
             restitution: self.of_links(&self.setup.restitution).collect(),
+            soft: self.of_links(&self.setup.soft).collect(),
+            grain: self.of_links(&self.setup.grain).collect(),
             actuators: Vec::new(),
         }
     }
 
     /// Values of links by the names that these have in the simulation.
-    fn of_links<'a>(&'a self, values: &'a BTreeMap<String, f64>) -> impl Iterator<Item = (String, f64)> + 'a {
+    fn of_links<'a, T: Copy>(
+        &'a self,
+        values: &'a BTreeMap<String, T>,
+    ) -> impl Iterator<Item = (String, T)> + 'a {
         values.iter().map(|(link, value)| (format!("{}{link}", self.prefix), *value))
     }
 
@@ -99,7 +104,9 @@ pub(super) fn together(robots: &[&Placing]) -> Result<RobotSetup, ConfigError> {
         Model::world("world", &placed).map_err(|error| ConfigError::key("robots", error.to_string()))?;
     let friction = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.friction)).collect();
     let restitution = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.restitution)).collect();
-    Ok(RobotSetup { collision_rules: rules, friction, restitution, ..RobotSetup::from(model) })
+    let soft = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.soft)).collect();
+    let grain = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.grain)).collect();
+    Ok(RobotSetup { collision_rules: rules, friction, restitution, soft, grain, ..RobotSetup::from(model) })
 }
 
 /// An error about the start of one of several robots.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use motorium_robots::{
-    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, HeightField,
-    MeshMode, Terrain, TerrainError,
+    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, Grain,
+    HeightField, MeshMode, Softness, Terrain, TerrainError,
 };
 use nalgebra::{Isometry3, Vector3};
 
@@ -59,6 +59,31 @@ pub(crate) struct Collider {
     pub(crate) restitution: f64,
     /// Velocity of the surface relative to the owner, in the axes of the collider \[m/s\].
     pub(crate) conveyor: Option<Vector3<f64>>,
+    pub(crate) soft: Option<Softness>,
+    pub(crate) grain: Option<ColliderGrain>,
+}
+
+/// Friction of a collider that differs by direction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ColliderGrain {
+    /// Unit vector in the axes of the collider.
+    pub(crate) direction: Vector3<f64>,
+    /// Coefficient of friction along it.
+    pub(crate) along: f64,
+    /// The coefficients across it and along it that were described.
+    described: [f64; 2],
+}
+
+impl ColliderGrain {
+    fn new(direction: Vector3<f64>, along: f64, across: f64) -> Self {
+        Self { direction, along, described: [across, along] }
+    }
+
+    /// Takes over another coefficient across it: that along it changes by the same factor.
+    fn scale(&mut self, friction: f64) {
+        let [across, along] = self.described;
+        self.along = if across > 0.0 { along * (friction / across) } else { along };
+    }
 }
 
 /// All colliders, those of robots first, then objects, then the ground or the terrain, and the pairs of them that may touch.
@@ -131,14 +156,18 @@ impl Colliders {
                     }
                     _ => Owner::World,
                 };
-                let mut turning = ([0.0; 2], None);
+                let (mut turning, mut soft, mut grain) = (([0.0; 2], None), None, None);
                 let (friction, restitution) = match (object, &world.ground) {
                     (Some((_, Some(object))), _) => {
                         turning = ([object.torsional_friction, object.rolling_friction], object.conveyor);
+                        (soft, grain) =
+                            (object.soft, object.grain.map(|grain| (grain.unit(), grain.friction)));
                         (object.friction, object.restitution)
                     }
                     (Some((_, None)), Some(ground)) => {
                         turning = ([ground.torsional_friction, ground.rolling_friction], ground.conveyor);
+                        (soft, grain) =
+                            (ground.soft, ground.grain.map(|grain| (grain.unit(), grain.friction)));
                         (ground.friction, ground.restitution)
                     }
                     _ => {
@@ -147,6 +176,10 @@ impl Colliders {
                             setup(index).and_then(|(_, setup)| of(setup).get(link).copied()).unwrap_or(all)
                         };
                         let friction = own(|setup| &setup.friction, options.friction);
+                        if let Some((_, setup)) = setup(index) {
+                            soft = setup.soft.get(link).copied();
+                            grain = setup.grain.get(link).map(|grain| of_link(setup, &model, index, grain));
+                        }
                         (friction, own(|setup| &setup.restitution, options.restitution))
                     }
                 };
@@ -162,6 +195,8 @@ impl Colliders {
                     rolling,
                     restitution,
                     conveyor: conveyor.map(|conveyor| conveyor.velocity.into()),
+                    soft,
+                    grain: grain.map(|(direction, along)| ColliderGrain::new(direction, along, friction)),
                 }
             })
             .collect();
@@ -189,6 +224,8 @@ impl Colliders {
                 rolling: terrain.rolling_friction,
                 restitution: terrain.restitution,
                 conveyor: None,
+                soft: terrain.soft,
+                grain: None,
             });
         }
         let described = world.terrain.clone();
@@ -219,6 +256,10 @@ impl Colliders {
     /// Takes over a surface for each collider.
     pub(crate) fn set_surfaces(&mut self, surfaces: &[Surface]) {
         for (collider, surface) in self.colliders.iter_mut().zip(surfaces) {
+            // Friction along a grain changes by the same factor.
+            if let Some(grain) = &mut collider.grain {
+                grain.scale(surface.friction);
+            }
             (collider.friction, collider.restitution) = (surface.friction, surface.restitution);
         }
     }
@@ -260,4 +301,13 @@ impl Colliders {
     pub(crate) fn exclude(&mut self, pairs: &[[usize; 2]]) {
         self.model.retain_pairs(|pair| !pairs.contains(pair));
     }
+}
+
+/// A grain in the axes of a link, in those of the solid of this index on it.
+fn of_link(setup: &RobotSetup, model: &CollisionModel, index: usize, grain: &Grain) -> (Vector3<f64>, f64) {
+    let link = setup.model.frame(model.link(index)).ok();
+    let placement =
+        link.map_or_else(Isometry3::identity, |frame| setup.model.frames()[frame.index()].placement);
+    let direction = model.placement(index).rotation.inverse() * (placement.rotation * grain.unit());
+    (direction, grain.friction)
 }

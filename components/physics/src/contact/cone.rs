@@ -20,7 +20,7 @@ const ASTRAY: f64 = 1.0;
 ///
 /// ```text
 /// w = W lambda + w_free
-/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0
+/// 0 <= lambda_n  complementary to  w_n - target + compliance lambda_n >= 0      of soft surfaces with theirs
 /// w_t = 0 within, w_t = -s lambda_t on the edge of  |lambda_t| <= mu lambda_n
 /// ```
 ///
@@ -30,7 +30,8 @@ const ASTRAY: f64 = 1.0;
 /// either way the solution is one that a sweep confirms.
 ///
 /// Torques against rolling and spinning are blocks of their own, of three rows each: `w` is an angular velocity there, and their
-/// bounds grow with the normal impulse of their contact point. Newton steps leave them to the sweeps.
+/// bounds grow with the normal impulse of their contact point. Newton steps leave them to the sweeps. Blocks that hold both ways have no
+/// bounds, and are part of every Newton step.
 #[derive(Clone, Debug)]
 pub(crate) struct ConeSolver {
     /// Three times the number of contact points.
@@ -42,6 +43,8 @@ pub(crate) struct ConeSolver {
     /// Per contact point.
     pub(super) target: Vec<f64>,
     pub(super) friction: Vec<f64>,
+    /// Speed of approach per impulse of surfaces that give way.
+    pub(super) soft: Vec<f64>,
     /// No impulse moves the point.
     pub(super) immovable: Vec<bool>,
     /// Of blocks that stand for the torques at a contact point. They follow all contact points.
@@ -65,6 +68,7 @@ impl ConeSolver {
             velocity: vec![0.0; rows],
             target: vec![0.0; most],
             friction: vec![0.0; most],
+            soft: vec![0.0; most],
             immovable: vec![false; most],
             couples: vec![None; most],
             answers: vec![PointAnswer::NONE; most],
@@ -94,7 +98,7 @@ impl ConeSolver {
             *answer = if self.couples[index].is_some() {
                 PointAnswer::couple(&own)
             } else {
-                PointAnswer::new(&own)
+                PointAnswer::new(&own, self.soft[index])
             };
         }
         self.find_coupled();
@@ -226,10 +230,11 @@ impl PointAnswer {
         diagonal: [0.0; 3],
     };
 
-    /// Of the block of W of the point itself.
-    pub(super) fn new(own: &[[f64; 3]; 3]) -> Self {
+    /// Of the block of W of the point itself, whose surfaces give way by `soft` per impulse.
+    pub(super) fn new(own: &[[f64; 3]; 3], soft: f64) -> Self {
         // Along a tangent that the joints hold, one of them may be zero.
-        Self::with_compliance(own, [own[0][0], own[1][1].max(own[2][2])].map(|entry| COMPLIANCE * entry))
+        let [normal, tangents] = [own[0][0], own[1][1].max(own[2][2])].map(|entry| COMPLIANCE * entry);
+        Self::with_compliance(own, [normal + soft, tangents])
     }
 
     /// Of the block of W of the torques at a contact point, whose joints may hold it about any of the axes.
@@ -313,6 +318,9 @@ impl Couple {
     /// Largest moments about the normal and about the tangents at this normal impulse.
     #[inline]
     pub(super) fn bounds(&self, normal: f64) -> [f64; 2] {
+        if self.holds {
+            return [f64::INFINITY; 2];
+        }
         [self.torsional * normal, self.rolling * normal]
     }
 }

@@ -5,6 +5,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::bounds::{self, Motions};
 use super::colliders::{Collider, Colliders, Owner};
+use super::connections::{Connections, Held};
 use super::features::ContactGeometry;
 use super::narrow;
 use super::near_pairs::NearPairs;
@@ -34,6 +35,8 @@ pub(crate) struct ContactPoint {
     /// Bound of the speed of the surfaces relative to one another \[m/s\].
     pub(crate) speed: f64,
     pub(crate) law: SurfaceLaw,
+    /// It holds both ways: a connection of two parts, which is no contact.
+    pub(crate) held: Option<Held>,
     /// Length of the integration step in which its impulse acts \[s\].
     pub(crate) h: f64,
     /// Neither side moves: the point, and its force, are those of an earlier integration step.
@@ -178,7 +181,7 @@ impl Detector {
 
     /// True where there may be more contact points than fit.
     pub(crate) fn is_full(&self) -> bool {
-        self.points.len() == self.most
+        self.points.len() >= self.most
     }
 
     /// Forgets the last step.
@@ -268,9 +271,25 @@ impl Detector {
         terrain::clearance(colliders, articulation, &self.distances)
     }
 
+    /// Adds the points of connections of which a side `moves`.
+    pub(crate) fn add_connections(&mut self, connections: &Connections, moves: impl Fn(Owner) -> bool) {
+        self.points.extend(connections.points(moves));
+    }
+
+    /// Makes room for so many points of connections.
+    pub(crate) fn make_room(&mut self, points: usize) {
+        self.points.reserve(self.most + points);
+        self.earlier.reserve(self.most + points);
+    }
+
     /// Finds all contact points closer than the `least` distance of their parties \[m\], and those that may touch within `h` \[s\]. Between colliders that do
     /// not move in this integration step they are those found last.
-    pub(crate) fn detect(&mut self, all: &Colliders, h: f64, least: Least) -> &[ContactPoint] {
+    pub(crate) fn detect(
+        &mut self,
+        all: &Colliders,
+        connections: &Connections,
+        (h, least): (f64, Least),
+    ) -> &[ContactPoint] {
         let Self { pairs, near, points, earlier, moving, most, distances, motions, .. } = self;
         core::mem::swap(points, earlier);
         points.clear();
@@ -288,6 +307,9 @@ impl Detector {
                 continue;
             }
             let (first, second) = (&all.colliders[pair.first], &all.colliders[pair.second]);
+            if connections.joins([first.owner, second.owner]) {
+                continue;
+            }
             let places = [pair.first, pair.second];
             let law = SurfaceLaw::between([first, second], |place| distances.pose(places[place]).rotation);
             let mut found = |swapped: bool, feature: u32, point, normal, distance| {
@@ -305,6 +327,7 @@ impl Detector {
                         distance,
                         speed,
                         law: if swapped { law.swapped() } else { law },
+                        held: None,
                         h: UNKNOWN,
                         kept: false,
                     },
@@ -316,7 +339,10 @@ impl Detector {
         }
         let near = |speed, owner| margin(h, speed).max(least.of(Parties::of(owner, Owner::World)));
         terrain::detect((all, moving), distances, motions, near, &mut |point| keep((points, *most), point));
-        for point in earlier.iter().filter(|point| !moves(point.colliders.0) && !moves(point.colliders.1)) {
+        let kept = |point: &&ContactPoint| {
+            point.held.is_none() && !moves(point.colliders.0) && !moves(point.colliders.1)
+        };
+        for point in earlier.iter().filter(kept) {
             keep((points, *most), ContactPoint { kept: true, ..*point });
         }
         &self.points

@@ -35,6 +35,13 @@ impl Islands {
         }
     }
 
+    /// Makes room for so many contact points.
+    pub(super) fn make_room(&mut self, most: usize) {
+        self.order.reserve(most);
+        self.ends.reserve(most);
+        self.of_point.reserve(most);
+    }
+
     /// Sorts contact points by islands; each has the one or two bodies that move there.
     pub(super) fn find(&mut self, points: impl Iterator<Item = [Option<usize>; 2]> + Clone) {
         for (index, parent) in self.parent.iter_mut().enumerate() {

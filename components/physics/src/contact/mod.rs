@@ -12,6 +12,7 @@ mod colliders;
 mod cone;
 #[cfg(test)]
 mod cone_tests;
+mod connections;
 mod detect;
 mod features;
 mod impulses;

@@ -34,6 +34,8 @@ enum Mode {
     Stick,
     /// Direction and speed of the slip.
     Slip([f64; 2], f64),
+    /// A connection: as a point that sticks, whichever way it is pulled.
+    Held,
 }
 
 impl Newton {
@@ -63,7 +65,8 @@ impl ConeSolver {
                 return false;
             }
             self.assemble_newton();
-            let Self { lambda, newton: Newton { unknowns, modes, system, step, opening, .. }, .. } = self;
+            let Self { lambda, couples, newton, .. } = self;
+            let Newton { unknowns, modes, system, step, opening, .. } = newton;
             let (system, right) = (&mut system[..size * size], &mut step[..size]);
             let slips = modes.iter().any(|mode| matches!(mode, Mode::Slip(..)));
             if !if slips { eliminate(system, right) } else { eliminate_symmetric(system, right) } {
@@ -71,7 +74,7 @@ impl ConeSolver {
             }
             opening.clear();
             for (row, step) in unknowns.iter().zip(&*step) {
-                if row % 3 == 0 && lambda[*row] + step < 0.0 {
+                if row % 3 == 0 && lambda[*row] + step < 0.0 && couples[row / 3].is_none() {
                     opening.push(*row);
                 }
             }
@@ -96,6 +99,10 @@ impl ConeSolver {
         for mode in modes.iter() {
             let at = unknowns[next];
             let width = if matches!(mode, Mode::Smooth) { 1 } else { 3 };
+            if matches!(mode, Mode::Held) {
+                next += width;
+                continue;
+            }
             let mut new = [self.lambda[at], 0.0, 0.0];
             for part in 0..width {
                 new[part] = self.lambda[at + part] + step[next + part];
@@ -119,12 +126,18 @@ impl ConeSolver {
 
     /// The modes of the contact points that press, and their unknowns.
     fn find_modes(&mut self) {
-        let Self { rows, velocity, friction, couples, lambda, newton, .. } = self;
+        let Self { rows, velocity, friction, couples, immovable, lambda, newton, .. } = self;
         newton.unknowns.clear();
         newton.modes.clear();
-        let points = couples.iter().take(*rows / 3).take_while(|couple| couple.is_none()).count();
-        for (index, friction) in friction.iter().take(points).enumerate() {
+        for (index, friction) in friction.iter().take(*rows / 3).enumerate() {
             let at = 3 * index;
+            if let Some(couple) = couples[index] {
+                if couple.holds && !immovable[index] {
+                    newton.unknowns.extend([at, at + 1, at + 2]);
+                    newton.modes.push(Mode::Held);
+                }
+                continue;
+            }
             let normal = lambda[at];
             if normal <= 0.0 {
                 continue;
@@ -149,7 +162,7 @@ impl ConeSolver {
 
     /// The linear system of the modes. A slipping point obeys `q lambda_t + w_t = 0` with `q = |w_t| / (mu lambda_n)`.
     fn assemble_newton(&mut self) {
-        let Self { rows, delassus, velocity, target, friction, lambda, newton, .. } = self;
+        let Self { rows, delassus, velocity, target, friction, soft, lambda, newton, .. } = self;
         let Newton { unknowns, modes, system, step, .. } = newton;
         let (rows, size) = (*rows, unknowns.len());
         let mut next = 0;
@@ -157,25 +170,28 @@ impl ConeSolver {
             let at = unknowns[next];
             let index = at / 3;
             let w = |row: usize, column: usize| delassus[(at + row) * rows + at + column];
-            let compliance = COMPLIANCE * w(0, 0);
+            let held = matches!(mode, Mode::Held);
+            // The joints may hold a connection along any of its axes.
+            let largest = if held { w(0, 0).max(w(1, 1)).max(w(2, 2)) } else { w(0, 0) };
+            let compliance = COMPLIANCE * largest + soft[index];
             for (entry, unknown) in system[next * size..][..size].iter_mut().zip(unknowns.iter()) {
                 *entry = delassus[at * rows + unknown];
             }
             system[next * size + next] += compliance;
             step[next] = target[index] - velocity[at] - compliance * lambda[at];
-            let soft = COMPLIANCE * w(1, 1).max(w(2, 2));
+            let tangents = if held { compliance } else { COMPLIANCE * w(1, 1).max(w(2, 2)) };
             match mode {
                 Mode::Smooth => {
                     next += 1;
                     continue;
                 }
-                Mode::Stick => {
+                Mode::Stick | Mode::Held => {
                     for part in 1..3 {
                         let row = &mut system[(next + part) * size..][..size];
                         for (entry, unknown) in row.iter_mut().zip(unknowns.iter()) {
                             *entry = delassus[(at + part) * rows + unknown];
                         }
-                        row[next + part] += soft;
+                        row[next + part] += tangents;
                         step[next + part] = -velocity[at + part];
                     }
                 }
@@ -191,7 +207,7 @@ impl ConeSolver {
                                 + two * delassus[(at + 2) * rows + unknown];
                         }
                         row[next] += d * speed / lambda[at];
-                        row[next + part] += q + soft;
+                        row[next + part] += q + tangents;
                         step[next + part] = -velocity[at + part] - q * lambda[at + part];
                     }
                 }

@@ -2,8 +2,10 @@
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
-use crate::World;
+use super::colliders::Owner;
+use super::detect::ContactPoint;
 use crate::air::Air;
+use crate::{Integrator, World};
 
 /// A free rigid body.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +24,8 @@ pub(crate) struct FreeBody {
     still: f64,
     /// It stands still and is left out of every computation until something wakes it.
     pub(crate) asleep: bool,
+    /// It touches nothing in the present step, and takes the midpoint rule.
+    free: bool,
 }
 
 /// A body that moves no faster than this \[m/s, rad/s\] hardly moves.
@@ -81,6 +85,31 @@ impl FreeBody {
         }
     }
 
+    /// The whole motion of `h` \[s\] under gravity and in the air by the midpoint rule: the way is that at the mean velocity, and the
+    /// rotation keeps energy and the length of the angular momentum.
+    fn fly(&mut self, gravity: &Vector3<f64>, air: &Air, h: f64) {
+        let before = self.linear;
+        self.linear = air.slowed((self.drag, self.mass), before + gravity * h, h);
+        // I (w+ - w) + h w_m x I w_m = 0 in the body's axes, by Newton's method.
+        let start = self.pose.rotation.inverse_transform_vector(&self.angular);
+        let inertia = Matrix3::from_diagonal(&self.inertia);
+        let mut end = start;
+        for _ in 0..NEWTON {
+            let mean = 0.5 * (start + end);
+            let momentum = self.inertia.component_mul(&mean);
+            let error = self.inertia.component_mul(&(end - start)) + mean.cross(&momentum) * h;
+            let slope = inertia + (mean.cross_matrix() * inertia - momentum.cross_matrix()) * (0.5 * h);
+            let Some(inverse) = slope.try_inverse() else { break };
+            end -= inverse * error;
+        }
+        let turn = UnitQuaternion::from_scaled_axis(0.5 * h * (start + end));
+        self.pose = Isometry3::from_parts(
+            Translation3::from(self.pose.translation.vector + (before + self.linear) * (0.5 * h)),
+            UnitQuaternion::new_normalize((self.pose.rotation * turn).into_inner()),
+        );
+        self.angular = self.pose.rotation * end;
+    }
+
     fn move_on(&mut self, h: f64) {
         let turn = UnitQuaternion::from_scaled_axis(self.angular * h);
         self.pose = Isometry3::from_parts(
@@ -89,6 +118,9 @@ impl FreeBody {
         );
     }
 }
+
+/// Newton steps of the midpoint rule for a rotation. The second leaves rounding at any speed that a step can follow.
+const NEWTON: usize = 4;
 
 /// All objects that move, with room for their next state.
 #[derive(Clone, Debug)]
@@ -100,12 +132,14 @@ pub(crate) struct Objects {
     /// Gravity of the last step \[m/s2\]; NaN before the first.
     pub(crate) gravity: Vector3<f64>,
     air: Air,
+    /// The method of those that touch nothing.
+    pub(crate) method: Integrator,
     /// Per object of the world: its index among those that move.
     pub(crate) movable: Vec<Option<usize>>,
 }
 
 impl Objects {
-    pub(crate) fn new(world: &World) -> Self {
+    pub(crate) fn new(world: &World, method: Integrator) -> Self {
         let mut now = Vec::new();
         let movable = world.objects.iter().map(|object| {
             object.mass.map(|mass| {
@@ -113,13 +147,14 @@ impl Objects {
                 let (linear, angular) = (Vector3::zeros(), Vector3::zeros());
                 let (pose, still, asleep) = (object.pose(), 0.0, false);
                 let drag = object.drag;
-                now.push(FreeBody { pose, linear, angular, mass, drag, inertia, still, asleep });
+                let free = false;
+                now.push(FreeBody { pose, linear, angular, mass, drag, inertia, still, asleep, free });
                 now.len() - 1
             })
         });
         let movable = movable.collect();
         let gravity = Vector3::repeat(f64::NAN);
-        Self { next: now.clone(), before: now.clone(), now, gravity, air: Air::new(world), movable }
+        Self { next: now.clone(), before: now.clone(), now, gravity, air: Air::new(world), method, movable }
     }
 
     pub(crate) fn begin(&mut self) {
@@ -135,10 +170,25 @@ impl Objects {
         self.before.copy_from_slice(&self.next);
     }
 
+    /// Finds those that touch nothing, of which `points` has no contact point.
+    pub(crate) fn find_free(&mut self, points: &[ContactPoint]) {
+        if self.method == Integrator::Euler {
+            return;
+        }
+        self.next.iter_mut().for_each(|body| body.free = !body.asleep);
+        for owner in points.iter().flat_map(|point| [point.owners.0, point.owners.1]) {
+            if let Owner::Object(object) = owner {
+                self.next[object].free = false;
+            }
+        }
+    }
+
     /// Velocities of the next state after free fall for the time of each \[s\].
     pub(crate) fn fall(&mut self, gravity: &Vector3<f64>, lengths: &[f64]) {
         for (body, h) in self.next.iter_mut().zip(lengths).filter(|(body, h)| !body.asleep && **h > 0.0) {
-            body.fall(gravity, &self.air, *h);
+            if !body.free {
+                body.fall(gravity, &self.air, *h);
+            }
         }
     }
 
@@ -163,7 +213,11 @@ impl Objects {
     /// Poses of the next state, after its velocities.
     pub(crate) fn move_on(&mut self, lengths: &[f64]) {
         for (body, h) in self.next.iter_mut().zip(lengths).filter(|(body, h)| !body.asleep && **h > 0.0) {
-            body.move_on(*h);
+            if body.free {
+                body.fly(&self.gravity, &self.air, *h);
+            } else {
+                body.move_on(*h);
+            }
             body.count_rest(*h);
         }
     }

@@ -1,16 +1,19 @@
 //! The contact scene: colliders, objects that move, and the impulses between all of them.
 
+mod connected;
+
 use motorium_robots::{Kinematics, Terrain, TerrainError};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::colliders::{Collider, Colliders, Owner};
+use super::connections::{Connections, Joined};
 use super::detect::{ContactPoint, Detector, DetectorState, Motion};
 use super::impulses::{Impulses, Known};
 use super::objects::{FreeBody, Objects};
 use super::parties::Least;
 use super::sums::ImpulseSums;
 use crate::robot::{Articulation, Robot};
-use crate::{Surface, World};
+use crate::{Options, Surface, World};
 
 /// Colliders, their poses, their contact points, and the impulses there.
 pub(crate) struct ContactScene {
@@ -18,6 +21,7 @@ pub(crate) struct ContactScene {
     detector: Detector,
     pub(crate) impulses: Impulses,
     pub(crate) objects: Objects,
+    connections: Connections,
     /// Number of articulations.
     articulations: usize,
     /// Length of the next integration step of each articulation and each object that moves \[s\]; zero where its step is
@@ -44,13 +48,14 @@ pub(crate) struct SceneState {
     gravity: Vector3<f64>,
     /// Of the objects that do not move.
     placements: Vec<Isometry3<f64>>,
+    connections: (Vec<Joined>, u64),
 }
 
 impl ContactScene {
     /// A scene of these colliders; `world` gives the objects.
-    pub(crate) fn new(robot: &Robot, colliders: Colliders, world: &World, sleeping: bool) -> Self {
+    pub(crate) fn new(robot: &Robot, colliders: Colliders, world: &World, options: &Options) -> Self {
         let detector = Detector::new(&colliders);
-        let objects = Objects::new(world);
+        let objects = Objects::new(world, options.integrator);
         let articulations = robot.articulations.len();
         let bodies = articulations + objects.now.len();
         Self {
@@ -58,13 +63,14 @@ impl ContactScene {
             lengths: vec![0.0; bodies],
             near: vec![false; bodies],
             steps: 1,
-            sleeping,
+            sleeping: options.sleeping,
             impulses: Impulses::new(
                 &robot.articulations,
                 objects.now.len(),
                 detector.capacity() * if colliders.resist_turning() { 2 } else { 1 },
             ),
             objects,
+            connections: Connections::default(),
             colliders,
             detector,
         }
@@ -98,6 +104,7 @@ impl ContactScene {
         kinematics: impl Fn(usize) -> &'a Kinematics,
         bases: &[Isometry3<f64>],
     ) {
+        self.connections.place((&kinematics, bases), &self.objects.next);
         self.detector.set_poses(&self.colliders, (kinematics, bases), &self.objects.next);
     }
 
@@ -108,7 +115,9 @@ impl ContactScene {
         self.objects.feel(gravity);
         self.lengths.fill(dt);
         self.set_moving();
-        self.detector.detect(&self.colliders, dt, Least { grasps: NEAR, ..Least::default() });
+        let least = Least { grasps: NEAR, ..Least::default() };
+        self.detector.detect(&self.colliders, &self.connections, (dt, least));
+        self.add_connections();
         self.impulses.sort(self.detector.points());
         self.impulses.find_near(self.detector.points(), NEAR, &mut self.near);
         let asleep = |body: usize| self.objects.is_asleep(body.checked_sub(self.articulations));
@@ -162,6 +171,7 @@ impl ContactScene {
         let Self { detector, impulses, objects, lengths, .. } = self;
         detector.keep_for(h);
         impulses.wake(detector.points_mut(), &mut objects.next, lengths);
+        objects.find_free(detector.points());
         // Poses do not change yet: only the velocities fall.
         objects.before_fall();
         objects.fall(gravity, &lengths[articulations.len()..]);
@@ -186,10 +196,21 @@ impl ContactScene {
         };
         for (index, point, ..) in self.points() {
             let (one, two) = point.colliders;
-            let impulse = self.impulses.vector(index, &point.normal);
+            let impulse = self.impulses.at(index, point);
             sums.add([one, two], &point.point, &(impulse * share(point)));
         }
         let points = self.detector.points();
+        for (index, point) in points.iter().enumerate() {
+            let Some(held) = point.held else { continue };
+            let impulse = self.impulses.at(index, point);
+            for (collider, sign) in self.connections.colliders(point.key).into_iter().zip([1.0, -1.0]) {
+                match collider {
+                    Some(collider) if held.turning => sums.add_moment_to(collider, &(impulse * sign)),
+                    Some(collider) => sums.add_to(collider, &point.point, &(impulse * sign)),
+                    None => {}
+                }
+            }
+        }
         for (index, moment) in self.impulses.couples(points) {
             let (one, two) = points[index].colliders;
             sums.add_moment([one, two], &(moment * share(&points[index])));
@@ -220,7 +241,10 @@ impl ContactScene {
     /// The contact points of robots within `least` \[m\] and those of anything that may touch within `h` \[s\], as all was placed last. Those of
     /// the last step are dropped.
     pub(crate) fn detect(&mut self, h: f64, least: f64) -> &[ContactPoint] {
-        self.detector.detect(&self.colliders, h, Least { robots: least, grasps: least })
+        let least = Least { robots: least, grasps: least };
+        self.detector.detect(&self.colliders, &self.connections, (h, least));
+        self.add_connections();
+        self.detector.points()
     }
 
     /// All that later steps depend on.
@@ -231,6 +255,7 @@ impl ContactScene {
             objects: self.objects.now.clone(),
             gravity: self.objects.gravity,
             placements: self.placements().collect(),
+            connections: self.connections.save(),
         }
     }
 
@@ -250,6 +275,8 @@ impl ContactScene {
             self.colliders.colliders[collider].placement = *placement;
             self.detector.set_pose(collider, *placement);
         }
+        self.connections.restore(&state.connections);
+        self.make_room();
         self.detector.restore(&state.detector);
         self.impulses.restore(&state.impulses);
     }
@@ -261,10 +288,11 @@ impl ContactScene {
 
     /// The objects where the world description has them, without impulses of a step before.
     pub(crate) fn restart(&mut self, world: &World) {
-        self.objects = Objects::new(world);
+        self.objects = Objects::new(world, self.objects.method);
         for (index, object) in world.objects.iter().enumerate().filter(|(_, object)| !object.is_dynamic()) {
             self.set_object_pose(index, &object.pose());
         }
+        self.connections.reset();
         self.detector.forget();
         self.impulses.forget();
     }
@@ -306,7 +334,8 @@ impl ContactScene {
 
     /// True when a contact point of the last step is on a robot.
     pub(crate) fn on_robot(&self) -> bool {
-        self.detector.points().iter().any(|point| point.owners.0.is_robot() || point.owners.1.is_robot())
+        let on_robot = |point: &ContactPoint| point.owners.0.is_robot() || point.owners.1.is_robot();
+        self.detector.points().iter().any(|point| point.held.is_none() && on_robot(point))
     }
 
     /// True when a contact point of the last step is between an articulation and something else.
@@ -316,17 +345,24 @@ impl ContactScene {
         self.detector.points().iter().any(outside)
     }
 
+    /// True when a contact point of the last step is on an articulation.
+    pub(crate) fn is_touched(&self, articulation: usize) -> bool {
+        let own = |owner: Owner| owner.articulation() == Some(articulation);
+        self.detector.points().iter().any(|point| own(point.owners.0) || own(point.owners.1))
+    }
+
     /// Contact points of the last step with the index of their impulse and their colliders.
     pub(crate) fn points(&self) -> impl Iterator<Item = (usize, &ContactPoint, &Collider, &Collider)> {
         let colliders = &self.colliders.colliders;
-        self.detector.points().iter().enumerate().map(|(index, point)| {
+        let contacts = self.detector.points().iter().enumerate().filter(|(_, point)| point.held.is_none());
+        contacts.map(|(index, point)| {
             (index, point, &colliders[point.colliders.0], &colliders[point.colliders.1])
         })
     }
 
     /// Force at the contact point of this index on the first of its two colliders, world axes \[N\].
     pub(crate) fn force(&self, index: usize, point: &ContactPoint) -> Vector3<f64> {
-        self.impulses.vector(index, &point.normal) / point.h
+        self.impulses.at(index, point) / point.h
     }
 
     /// Sum of the forces on the robots in the last integration step, world axes \[N\].

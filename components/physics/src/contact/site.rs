@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::colliders::Owner;
 use super::cone::PointAnswer;
+use super::connections::Held;
 use super::detect::ContactPoint;
 use super::objects::FreeBody;
 use super::surface::SurfaceLaw;
@@ -11,8 +12,10 @@ use super::surface::SurfaceLaw;
 /// The bodies that meet at a contact point, and their motion there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Site {
-    /// The normal, and two tangents.
+    /// The normal, and two tangents, which are shorter than 1 along and across a [grain](SurfaceLaw::axes).
     pub(super) axes: [Vector3<f64>; 3],
+    /// Squares of their lengths.
+    pub(super) squares: [f64; 3],
     /// Of the two colliders; impulses act on the first, and backwards on the second.
     pub(super) sides: [Side; 2],
     /// Velocity along the axes that the objects' fall alone gives, and that without impulses.
@@ -24,6 +27,8 @@ pub(super) struct Site {
     pub(super) overlapping: bool,
     pub(super) recovery: f64,
     pub(super) friction: f64,
+    /// Speed of approach per impulse of a surface that gives way \[1/kg\].
+    pub(super) soft: f64,
     /// Velocity of the first surface relative to the second that conveyors give, along the axes.
     pub(super) conveyed: [f64; 3],
     /// It stands for the torques at a contact point: impulses are moments, velocities angular.
@@ -37,6 +42,8 @@ pub(super) struct Site {
 /// The friction at a contact point against spinning about its normal and rolling about its tangents.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Couple {
+    /// It holds both ways without bounds: a connection.
+    pub(super) holds: bool,
     /// The contact point, whose normal impulse bounds the moments.
     pub(super) point: usize,
     /// Largest moments per normal impulse \[m\].
@@ -134,6 +141,7 @@ impl Site {
     /// A point between parts that do not move.
     pub(super) const KEPT: Self = Self {
         axes: [Vector3::new(0.0, 0.0, 0.0); 3],
+        squares: [1.0; 3],
         sides: [Side::World; 2],
         falling: [0.0; 3],
         free: [0.0; 3],
@@ -141,6 +149,7 @@ impl Site {
         overlapping: false,
         recovery: 0.0,
         friction: 0.0,
+        soft: 0.0,
         conveyed: [0.0; 3],
         couple: None,
         immovable: true,
@@ -156,13 +165,36 @@ impl Site {
                 Side::Object(object, point.point.coords - bodies[object].pose.translation.vector)
             }
         };
-        let axes = axes(&point.normal);
+        let axes = point.law.axes(&point.normal);
+        let squares = point.law.grain.map_or([1.0; 3], |_| axes.map(|axis| axis.norm_squared()));
         Self {
             axes,
+            squares,
             sides: [side(point.owners.0), side(point.owners.1)],
             friction: point.law.friction,
             // What conveyors move across the surface is no motion of it.
             conveyed: [0.0, axes[1].dot(&point.law.conveyed), axes[2].dot(&point.law.conveyed)],
+            immovable: false,
+            ..Self::KEPT
+        }
+    }
+
+    /// A point that holds both ways, in a step of `h` \[s\]. Velocities follow.
+    pub(super) fn held(point: &ContactPoint, held: &Held, h: f64, bodies: &[FreeBody]) -> Self {
+        let side = |owner: Owner| match owner {
+            Owner::World => Side::World,
+            Owner::Base(of) | Owner::Body(of, _) => Side::Articulation(of),
+            Owner::Object(object) if held.turning => Side::Turned(object),
+            Owner::Object(object) => {
+                Side::Object(object, point.point.coords - bodies[object].pose.translation.vector)
+            }
+        };
+        let (axes, wanted) = (axes(&point.normal), held.velocity(h));
+        Self {
+            axes,
+            sides: [side(point.owners.0), side(point.owners.1)],
+            couple: Some(Couple { holds: true, point: 0, torsional: 0.0, rolling: 0.0 }),
+            conveyed: axes.map(|axis| -axis.dot(&wanted)),
             immovable: false,
             ..Self::KEPT
         }
@@ -179,7 +211,7 @@ impl Site {
         Self {
             axes: axes(&point.normal),
             sides: [side(point.owners.0), side(point.owners.1)],
-            couple: Some(Couple { point: index, torsional, rolling }),
+            couple: Some(Couple { holds: false, point: index, torsional, rolling }),
             immovable: false,
             ..Self::KEPT
         }

@@ -20,12 +20,20 @@ impl ImpulseSums {
 
     /// Adds an impulse at a point on the first of two colliders, which pushes the second the other way.
     pub(crate) fn add(&mut self, [first, second]: [usize; 2], point: &Point3<f64>, impulse: &Vector3<f64>) {
-        let moment = point.coords.cross(impulse);
-        for (collider, sign) in [(first, 1.0), (second, -1.0)] {
-            let [sum, moments] = &mut self.0[collider];
-            *sum += impulse * sign;
-            *moments += moment * sign;
-        }
+        self.add_to(first, point, impulse);
+        self.add_to(second, point, &-impulse);
+    }
+
+    /// Adds an impulse at a point on a collider.
+    pub(crate) fn add_to(&mut self, collider: usize, point: &Point3<f64>, impulse: &Vector3<f64>) {
+        let [sum, moments] = &mut self.0[collider];
+        *sum += impulse;
+        *moments += point.coords.cross(impulse);
+    }
+
+    /// Adds a moment on a collider.
+    pub(crate) fn add_moment_to(&mut self, collider: usize, moment: &Vector3<f64>) {
+        self.0[collider][1] += moment;
     }
 
     /// Adds a moment on the first of two colliders, which turns the second the other way.

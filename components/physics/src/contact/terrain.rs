@@ -67,6 +67,7 @@ pub(super) fn detect(
                 distance,
                 speed,
                 law: SurfaceLaw::between([a, b], |place| distances.pose([first, second][place]).rotation),
+                held: None,
                 h: UNKNOWN,
                 kept: false,
             }

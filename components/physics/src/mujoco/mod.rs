@@ -128,6 +128,8 @@ impl Engine for Mujoco {
         allocation_free: true,
         rolling_friction: true,
         conveyors: false,
+        textures: false,
+        integrators: false,
     };
 
     fn build(

@@ -9,6 +9,7 @@ use super::contact::{Seen, Touch};
 use super::native::{Native, Parts};
 use crate::air::Air;
 use crate::articulated::Laws;
+use crate::joint::JointProperties;
 use crate::robot::{Articulation, Robot, State, base_pose};
 use crate::{StepError, StepReport};
 
@@ -69,6 +70,9 @@ impl Mujoco {
                         let joint = own.joints().start + i;
                         let (drive, of_drive) = self.laws[joint].drive_force(self.drives[joint]);
                         (constant, slope) = (drive, slope + of_drive);
+                        let JointProperties { stiffness, rest, .. } = joints[joint];
+                        constant += stiffness * (rest - own.model.joints_of_q(&state.q_next[own.q()])[i]);
+                        slope += h * stiffness;
                     }
                     let v = coordinate.multiplier() * v[coordinate.index()];
                     self.native.set_armature(dof, armatures[index] + h * slope);

@@ -28,7 +28,7 @@ impl Rapier {
             self.overdriven[i] = braked || tau_next[i].abs() >= limit;
             let action =
                 if self.overdriven[i] { DriveAction::Constant(tau_next[i]) } else { DriveAction::Law(c) };
-            self.multibody.drive(model, &mut self.scene, (i, q[i]), action);
+            self.multibody.drive(model, &mut self.scene, (i, q[i]), action, joint);
         }
         Ok(())
     }

@@ -82,6 +82,8 @@ impl Engine for Rapier {
         allocation_free: false,
         rolling_friction: false,
         conveyors: false,
+        textures: false,
+        integrators: false,
     };
 
     fn build(

@@ -140,22 +140,20 @@ impl Multibody {
         scene: &mut Scene,
         (column, q): (usize, f64),
         action: DriveAction,
+        JointProperties { stiffness: spring, rest: relaxed, .. }: &JointProperties,
     ) {
         let index = model.joint_body(column);
         let joint = &model.bodies()[index].joint;
-        let (stiffness, rest, damping) = match action {
-            DriveAction::Law(c) => {
-                let stiffness = c.kp.max(CONSTANT);
-                let push = c.kp * (c.position - q) + c.kd * c.velocity + c.effort;
-                (stiffness, q + push / stiffness, c.kd)
-            }
-            DriveAction::Constant(effort) => (CONSTANT, q + effort / CONSTANT, 0.0),
+        let (stiffness, push, damping) = match action {
+            DriveAction::Law(c) => (c.kp, c.kp * (c.position - q) + c.kd * c.velocity + c.effort, c.kd),
+            DriveAction::Constant(effort) => (0.0, effort, 0.0),
         };
+        let (stiffness, push) = ((stiffness + spring).max(CONSTANT), push + spring * (relaxed - q));
         let (multibody, id) = self.link_mut(scene, index);
         let dof = dof(multibody, id);
         multibody.damping_mut()[dof] = MILLIGRAMS * (joint.dynamics.damping + damping);
         let link = multibody.link_mut(id).expect("the id is that of the joint's own link");
-        link.joint.set_spring(axis(joint.kind) as usize, MILLIGRAMS * stiffness, rest);
+        link.joint.set_spring(axis(joint.kind) as usize, MILLIGRAMS * stiffness, q + push / stiffness);
     }
 
     /// Applies a force and a torque \[N, Nm, world axes\] at the centre of mass of a body, until it [lets

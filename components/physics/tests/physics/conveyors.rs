@@ -125,7 +125,7 @@ fn engines_without_conveyors_refuse_them() {
     for engine in engines().filter(|engine| *engine != Engine::Articulated) {
         let world = World { objects: vec![belt(0.5, 0.0)], ..World::default() };
         let refused = engine.refuse(world);
-        assert!(refused.contains("simulates no conveyor, which \"belt\" of the world has"), "{refused}");
+        assert!(refused.contains("simulates no conveyor, which \"belt\" has"), "{refused}");
     }
 }
 

@@ -185,7 +185,7 @@ fn rapier_refuses_what_it_does_not_have_by_name() {
     assert!(matches!(refused, BuildError::Unable { .. }));
     assert_eq!(
         refused.to_string(),
-        "the rapier engine simulates no rolling friction, which \"ground\" of the world has; use `physics.articulated` \
+        "the rapier engine simulates no rolling friction, which \"ground\" has; use `physics.articulated` \
          (`ArticulatedSimulator`)"
     );
 }

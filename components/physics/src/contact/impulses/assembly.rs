@@ -34,6 +34,7 @@ impl Impulses {
                 ..couple
             });
             (self.cone.target[local], self.cone.friction[local]) = (site.target, site.friction);
+            self.cone.soft[local] = site.soft;
             self.cone.immovable[local] = site.immovable;
             self.cone.velocity[3 * local..][..3].copy_from_slice(&site.free);
             self.cone.lambda[3 * local..][..3].copy_from_slice(&self.lambda[3 * index..][..3]);
@@ -53,8 +54,11 @@ impl Impulses {
             let own = self.own_block(index);
             self.aim(index, [own[0][0], own[1][1], own[2][2]]);
             let site = &mut self.sites[index];
-            site.answer =
-                if site.couple.is_some() { PointAnswer::couple(&own) } else { PointAnswer::new(&own) };
+            site.answer = if site.couple.is_some() {
+                PointAnswer::couple(&own)
+            } else {
+                PointAnswer::new(&own, site.soft)
+            };
             // That of the objects is in their own velocities.
             for (free, falling) in site.free.iter_mut().zip(site.falling) {
                 *free -= falling;
@@ -102,8 +106,8 @@ impl Impulses {
                     *entry += response.dot(turn);
                 }
             }
-            if site.couple.is_none() {
-                (0..3).for_each(|axis| own[axis][axis] += body.inverse_mass);
+            if matches!(side, Side::Object(..)) {
+                (0..3).for_each(|axis| own[axis][axis] += body.inverse_mass * site.squares[axis]);
             }
         }
         let reduced = &self.reduced[index * self.n..][..self.n];

@@ -5,7 +5,7 @@ use nalgebra::{Point3, Vector3};
 use super::super::colliders::Owner;
 use super::super::detect::ContactPoint;
 use super::super::objects::FreeBody;
-use super::super::site::Site;
+use super::super::site::{Site, axes};
 use super::Impulses;
 
 /// Part of the key of the torques at a contact point, which is otherwise that of the point.
@@ -38,19 +38,10 @@ impl Impulses {
                 columns[self.parts[of].clone()].fill([0.0; 4]);
             }
             for (owner, sign) in [(point.owners.0, 1.0), (point.owners.1, -1.0)] {
-                let Some(of) = owner.articulation() else { continue };
-                let columns = &mut columns[self.parts[of].clone()];
-                // The angular velocity about an axis is that with which a point one unit away along the next axis moves along the
-                // one after, relative to the contact point.
-                let [normal, one, other] = site.axes;
-                let none = Vector3::zeros();
-                let mut add = |arm: &Vector3<f64>, axes: [Vector3<f64>; 3], sign: f64| {
-                    slopes(owner, &(point.point + arm), &axes, sign, columns);
-                };
-                add(&one, [other, none, none], sign);
-                add(&other, [none, normal, none], sign);
-                add(&normal, [none, none, one], sign);
-                add(&none, [other, normal, one], -sign);
+                if let Some(of) = owner.articulation() {
+                    let columns = &mut columns[self.parts[of].clone()];
+                    add_turning(&slopes, (owner, sign), &point.point, site.axes, columns);
+                }
             }
             site.falling = [0, 1, 2].map(|axis| site.speed(axis, falling));
             self.sites.push(site);
@@ -66,6 +57,26 @@ impl Impulses {
         let places = points.iter().enumerate().filter(|(_, point)| point.law.resists_turning());
         places
             .enumerate()
-            .map(|(place, (index, point))| (index, self.vector(points.len() + place, &point.normal)))
+            .map(|(place, (index, point))| (index, self.vector(points.len() + place, &axes(&point.normal))))
     }
+}
+
+/// Adds `sign` times the Jacobian of the angular velocity of the part of an owner about the three axes to `columns`.
+pub(super) fn add_turning(
+    slopes: impl Fn(Owner, &Point3<f64>, &[Vector3<f64>; 3], f64, &mut [[f64; 4]]),
+    (owner, sign): (Owner, f64),
+    point: &Point3<f64>,
+    [normal, one, other]: [Vector3<f64>; 3],
+    columns: &mut [[f64; 4]],
+) {
+    // The angular velocity about an axis is that with which a point one unit away along the next axis moves along the one after,
+    // relative to the contact point.
+    let none = Vector3::zeros();
+    let mut add = |arm: &Vector3<f64>, axes: [Vector3<f64>; 3], sign: f64| {
+        slopes(owner, &(point + arm), &axes, sign, columns);
+    };
+    add(&one, [other, none, none], sign);
+    add(&other, [none, normal, none], sign);
+    add(&normal, [none, none, one], sign);
+    add(&none, [other, normal, one], -sign);
 }

@@ -1,5 +1,6 @@
 //! The impulses at all contact points of a step, found together.
 
+mod articulations;
 mod assembly;
 mod couples;
 mod sleeping;
@@ -7,7 +8,7 @@ mod warm;
 
 use core::ops::Range;
 
-use motorium_robots::MassFactor;
+use motorium_robots::{MassFactor, Softness};
 use nalgebra::{Point3, Vector3};
 
 use super::colliders::Owner;
@@ -15,7 +16,7 @@ use super::cone::ConeSolver;
 use super::detect::ContactPoint;
 use super::islands::Islands;
 use super::objects::FreeBody;
-use super::site::{Mobility, ObjectRow, Side, Site, axes};
+use super::site::{Mobility, ObjectRow, Side, Site};
 use super::sweeps::Room;
 use crate::robot::Articulation;
 pub(crate) use warm::Known;
@@ -49,6 +50,8 @@ const DENSE_FREE: usize = 12;
 /// robot's mass has at that speed: where joints hardly let a point move, recovery is slower. The impulses of the last
 /// step are the first guess. Surfaces that resist rolling or spinning add [torques](couples), each within a bound of its own
 /// that grows with `lambda_n`.
+///
+/// Where a surface gives way as a spring and a damper, the target and the compliance are those of the force at the end of the step.
 ///
 /// A is made of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact points that
 /// no chain of blocks joins are [islands](Islands) and solved apart: small ones over their matrix W, large ones
@@ -138,6 +141,22 @@ impl Impulses {
         impulses
     }
 
+    /// Makes room for so many contact points.
+    pub(crate) fn make_room(&mut self, most: usize) {
+        let n = self.n;
+        self.sites.reserve(most);
+        self.jacobian.resize(most * n, [0.0; 4]);
+        self.reduced.resize(most * n, [0.0; 4]);
+        self.support.resize(most * n, 0);
+        self.supported.resize(most, 0);
+        self.lambda.resize(3 * most, 0.0);
+        self.room = Room::new(most, n, self.bodies.capacity());
+        self.islands.make_room(most);
+        self.pending.reserve(most);
+        self.keys.reserve(most);
+        self.last.reserve(most);
+    }
+
     /// Takes over the masses of the articulations.
     pub(crate) fn set_masses(&mut self, articulations: &[Articulation]) {
         self.masses.clear();
@@ -160,9 +179,13 @@ impl Impulses {
         self.lambda[3 * index]
     }
 
-    /// Impulse at contact point `index`, of this normal, on the first of its two colliders, world axes \[Ns\].
-    pub(crate) fn vector(&self, index: usize, normal: &Vector3<f64>) -> Vector3<f64> {
-        let axes = axes(normal);
+    /// Impulse at contact point `index` on the first of its two colliders, world axes \[Ns\].
+    pub(crate) fn at(&self, index: usize, point: &ContactPoint) -> Vector3<f64> {
+        self.vector(index, &point.law.axes(&point.normal))
+    }
+
+    /// The impulse of this index along its axes.
+    fn vector(&self, index: usize, axes: &[Vector3<f64>; 3]) -> Vector3<f64> {
         (0..3).map(|part| axes[part] * self.lambda[3 * index + part]).sum()
     }
 
@@ -201,17 +224,29 @@ impl Impulses {
                 self.sites.push(Site::KEPT);
                 continue;
             }
-            let mut site = Site::new(point, falling);
+            let mut site = match &point.held {
+                Some(held) => Site::held(point, held, h, falling),
+                None => Site::new(point, falling),
+            };
+            let turning = point.held.is_some_and(|held| held.turning);
             let columns = &mut self.jacobian[index * n..][..n];
             for of in site.articulations() {
                 columns[self.parts[of].clone()].fill([0.0; 4]);
             }
             for (owner, sign) in [(point.owners.0, 1.0), (point.owners.1, -1.0)] {
-                if let Some(of) = owner.articulation() {
-                    slopes(owner, &point.point, &site.axes, sign, &mut columns[self.parts[of].clone()]);
+                let Some(of) = owner.articulation() else { continue };
+                let columns = &mut columns[self.parts[of].clone()];
+                if turning {
+                    couples::add_turning(&slopes, (owner, sign), &point.point, site.axes, columns);
+                } else {
+                    slopes(owner, &point.point, &site.axes, sign, columns);
                 }
             }
             site.falling = [0, 1, 2].map(|axis| site.speed(axis, falling));
+            if point.held.is_some() {
+                self.sites.push(site);
+                continue;
+            }
             let mut now = 0.0;
             for of in site.articulations() {
                 let part = self.parts[of].clone();
@@ -219,7 +254,13 @@ impl Impulses {
                     columns[part.clone()].iter().zip(&v[part]).map(|(column, v)| column[0] * v).sum::<f64>();
             }
             now += site.speed(0, before);
-            site.target = if point.distance + h * now < 0.0 && now * point.law.restitution < -0.01 {
+            site.target = if let Some(Softness { stiffness, damping }) = point.law.soft {
+                // The force at the end of the step: lambda / h = -stiffness (distance + h w) - damping w. What is still apart has no
+                // damping.
+                let gain = h * stiffness + if point.distance > 0.0 { 0.0 } else { damping };
+                site.soft = 1.0 / (h * gain);
+                -stiffness * point.distance / gain
+            } else if point.distance + h * now < 0.0 && now * point.law.restitution < -0.01 {
                 -point.law.restitution * now
             } else if point.distance > 0.0 {
                 -point.distance / h
@@ -287,83 +328,6 @@ impl Impulses {
             self.solve_sparse(places.clone());
         }
         self.move_articulations(places, articulations);
-    }
-
-    /// Half a solution for contact point `index`, and its velocity without impulses.
-    fn reduce(&mut self, index: usize, articulations: &mut [impl MovedByImpulses]) {
-        let n = self.n;
-        let site = &mut self.sites[index];
-        site.free = [0.0; 3];
-        self.supported[index] = 0;
-        let own = &self.jacobian[index * n..][..n];
-        let reduced = &mut self.reduced[index * n..][..n];
-        let mut velocity = [0.0; 4];
-        if self.parts.len() > 1 {
-            reduced.fill([0.0; 4]);
-        }
-        for of in site.articulations() {
-            let (part, target) = (self.parts[of].clone(), articulations[of].target());
-            let marked = &mut self.marked[part.clone()];
-            let reduced = &mut reduced[part.clone()];
-            let mut touches = false;
-            for (k, column) in own[part.clone()].iter().enumerate() {
-                let moves = *column != [0.0; 4];
-                marked[k] = moves;
-                touches |= moves;
-                if moves {
-                    for (velocity, entry) in velocity.iter_mut().zip(column) {
-                        *velocity += entry * target.x[k];
-                    }
-                }
-                reduced[k] = if target.held[k] { [0.0; 4] } else { *column };
-            }
-            if touches {
-                target.factor.mark_carriers(marked);
-                let first = self.supported[index];
-                let support = &mut self.support[index * n..][..n];
-                for k in (0..part.len()).filter(|k| marked[*k]) {
-                    support[self.supported[index]] = k as u32;
-                    self.supported[index] += 1;
-                }
-                let support = &mut support[first..self.supported[index]];
-                target.factor.half_solve(support, reduced);
-                support.iter_mut().for_each(|k| *k += part.start as u32);
-            }
-        }
-        for (axis, free) in site.free.iter_mut().enumerate() {
-            *free = velocity[axis] + site.falling[axis] + site.conveyed[axis];
-        }
-    }
-
-    /// Adds the effect of the impulses of an island to the velocities of its articulations.
-    fn move_articulations(&mut self, places: Range<usize>, articulations: &mut [impl MovedByImpulses]) {
-        for (of, own) in articulations.iter_mut().enumerate() {
-            let (part, target) = (self.parts[of].clone(), own.target());
-            let mut moved = false;
-            self.sum[part.clone()].fill(0.0);
-            for place in places.clone() {
-                let index = self.islands.point(place);
-                let lambda = &self.lambda[3 * index..][..3];
-                if lambda == [0.0; 3] || !self.sites[index].articulations().any(|other| other == of) {
-                    continue;
-                }
-                moved = true;
-                let times = |column: &[f64; 4]| column.iter().zip(lambda).map(|(a, b)| a * b).sum::<f64>();
-                for &k in &self.support[index * self.n..][..self.supported[index]] {
-                    let k = k as usize;
-                    if part.contains(&k) {
-                        self.sum[k] += times(&self.reduced[index * self.n + k]);
-                        target.impulse[k - part.start] += times(&self.jacobian[index * self.n + k]);
-                    }
-                }
-            }
-            if moved {
-                target.factor.finish_solve(&mut self.sum[part.clone()]);
-                for (x, sum) in target.x.iter_mut().zip(&self.sum[part]) {
-                    *x += sum;
-                }
-            }
-        }
     }
 }
 

@@ -72,11 +72,14 @@ impl Impulses {
         for island in 0..self.islands.count() {
             let places = self.islands.places(island);
             let calm = places.clone().all(|place| {
-                self.sites[self.islands.point(place)].sides.iter().all(|side| match side {
-                    Side::World => true,
-                    Side::Articulation(_) => false,
-                    Side::Object(object, _) | Side::Turned(object) => bodies[*object].is_drowsy(),
-                })
+                let site = &self.sites[self.islands.point(place)];
+                let holds = site.couple.is_some_and(|couple| couple.holds);
+                !holds
+                    && site.sides.iter().all(|side| match side {
+                        Side::World => true,
+                        Side::Articulation(_) => false,
+                        Side::Object(object, _) | Side::Turned(object) => bodies[*object].is_drowsy(),
+                    })
             });
             if !calm {
                 continue;

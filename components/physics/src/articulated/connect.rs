@@ -1,0 +1,87 @@
+//! Connections of parts of the articulated engine.
+
+use motorium_robots::Model;
+use nalgebra::{Isometry3, Translation3};
+
+use super::Articulated;
+use crate::contact::Owner;
+use crate::robot::Robot;
+use crate::{ConnectError, Connection, World};
+
+impl Articulated {
+    /// Connects two parts as they stand.
+    pub(super) fn connect_parts(
+        &mut self,
+        (robot, world): (&Robot, &World),
+        Connection { parts: [first, second], kind, point }: &Connection,
+        lasting: bool,
+    ) -> Result<(), ConnectError> {
+        if !point.iter().all(|number| number.is_finite()) {
+            return Err(ConnectError::Point(*point));
+        }
+        let unknown = |name: &String| ConnectError::Unknown {
+            name: name.clone(),
+            nearest: nearest(robot, world, name),
+        };
+        let a = self.part(robot, world, first).ok_or_else(|| unknown(first))?;
+        let b = self.part(robot, world, second).ok_or_else(|| unknown(second))?;
+        if a.0 == b.0 {
+            return Err(ConnectError::Rigid { first: first.clone(), second: second.clone() });
+        }
+        let frame = a.1 * Isometry3::from(Translation3::from(*point));
+        let there = self.pose_of(robot, b.0).inverse() * self.pose_of(robot, a.0) * frame;
+        self.scene.connect([a.0, b.0], [frame, there], (*kind, lasting));
+        self.place(robot);
+        Ok(())
+    }
+
+    /// Takes the connections of two parts away.
+    pub(super) fn disconnect_parts(
+        &mut self,
+        robot: &Robot,
+        world: &World,
+        [first, second]: [&str; 2],
+    ) -> bool {
+        let parts = (self.part(robot, world, first), self.part(robot, world, second));
+        let (Some(a), Some(b)) = parts else { return false };
+        self.scene.disconnect([a.0, b.0])
+    }
+
+    /// The part that a link, an object or the world moves with, and its frame there.
+    fn part(&self, robot: &Robot, world: &World, name: &str) -> Option<(Owner, Isometry3<f64>)> {
+        if name == "world" {
+            return Some((Owner::World, Isometry3::identity()));
+        }
+        if let Some(index) = world.objects.iter().position(|object| object.name == name) {
+            return Some(self.scene.owner_of_object(index));
+        }
+        robot.articulations.iter().enumerate().find_map(|(of, own)| {
+            let model: &Model = &own.model;
+            let frame = &model.frames()[model.frame(name).ok()?.index()];
+            let owner = match frame.body {
+                Some(body) => Owner::Body(of, body),
+                None if model.base().floating && !frame.in_world => Owner::Base(of),
+                None => Owner::World,
+            };
+            Some((owner, frame.placement))
+        })
+    }
+
+    /// Pose of a part as all stands.
+    fn pose_of(&self, robot: &Robot, owner: Owner) -> Isometry3<f64> {
+        match owner {
+            Owner::World => Isometry3::identity(),
+            Owner::Base(of) => robot.base_pose(of),
+            Owner::Body(of, body) => robot.articulations[of].kinematics.body_pose(body),
+            Owner::Object(object) => self.scene.objects.now[object].pose,
+        }
+    }
+}
+
+/// The link or object most likely meant.
+fn nearest(robot: &Robot, world: &World, name: &str) -> Option<String> {
+    let links =
+        robot.articulations.iter().flat_map(|own| own.model.frames()).map(|frame| frame.name.as_str());
+    let objects = world.objects.iter().map(|object| object.name.as_str());
+    motorium_robots::nearest(name, links.chain(objects).chain(["world"])).map(str::to_owned)
+}

@@ -1,0 +1,46 @@
+//! Links that are too close to one another, or inside something, as the robots stand at the start.
+
+use super::Articulated;
+use crate::BuildWarning;
+
+/// Links that start closer than this never touch each other \[m\].
+const TOO_CLOSE: f64 = 0.010;
+
+/// A link that starts deeper than this inside an object is worth a warning \[m\].
+const INSIDE: f64 = 1e-3;
+
+impl Articulated {
+    /// Pairs of links closer than [`TOO_CLOSE`], with a warning each; warns of links inside other things, too.
+    pub(super) fn close_links(&mut self, warnings: &mut Vec<BuildWarning>) -> Vec<[usize; 2]> {
+        let mut close = Vec::new();
+        self.scene.detect(0.0, TOO_CLOSE);
+        for (_, point, ..) in self.scene.points() {
+            let (a, b) = point.colliders;
+            let pair = [a.min(b), a.max(b)];
+            let colliders = self.scene.colliders();
+            let name = |index: usize| colliders.colliders[index].name.clone();
+            let (first, second) = (name(pair[0]), name(pair[1]));
+            if colliders.both_links(pair) {
+                if close.contains(&pair) {
+                    continue;
+                }
+                close.push(pair);
+                // Links of several shapes are named once.
+                let named = |warning: &BuildWarning| {
+                    matches!(warning, BuildWarning::SelfCollisionOff { first: a, second: b, .. }
+                        if (a, b) == (&first, &second))
+                };
+                if !warnings.iter().any(named) {
+                    let distance = point.distance.max(0.0);
+                    warnings.push(BuildWarning::SelfCollisionOff { first, second, distance });
+                }
+            } else if pair[0] < colliders.first_object && point.distance < -INSIDE {
+                let warning = BuildWarning::StartsInside { link: first, other: second };
+                if !warnings.contains(&warning) {
+                    warnings.push(warning);
+                }
+            }
+        }
+        close
+    }
+}

@@ -1,0 +1,165 @@
+//! Connections: contact points that hold both ways.
+
+use motorium_robots::Kinematics;
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::colliders::{Collider, Owner};
+use super::detect::{ContactPoint, UNKNOWN};
+use super::objects::FreeBody;
+use super::surface::SurfaceLaw;
+use crate::ConnectionKind;
+
+/// Part of the keys of connections.
+const CONNECTION: u64 = 1 << 61;
+
+/// Share of an error that is taken back in a step, and no faster than this \[m/s, rad/s\].
+const SHARE: f64 = 0.2;
+const FASTEST: (f64, f64) = (0.5, 5.0);
+
+/// A contact point that holds both ways: what it holds, and how far that has drifted.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Held {
+    /// It holds the orientation, not the place.
+    pub(super) turning: bool,
+    /// Of the first part relative to the second, world axes \[m or rad\].
+    error: Vector3<f64>,
+}
+
+impl Held {
+    /// The velocity of the first part relative to the second that takes back the error, in a step of `h` \[s\].
+    pub(super) fn velocity(&self, h: f64) -> Vector3<f64> {
+        let velocity = self.error * (-SHARE / h);
+        let most = if self.turning { FASTEST.1 } else { FASTEST.0 };
+        velocity * (most / velocity.norm().max(most))
+    }
+}
+
+/// A connection of two parts.
+#[derive(Clone, Debug)]
+pub(crate) struct Joined {
+    pub(crate) owners: [Owner; 2],
+    /// The frame that they share, as it lies in each.
+    pub(crate) frames: [Isometry3<f64>; 2],
+    pub(crate) kind: ConnectionKind,
+    /// It stays when the simulation is reset.
+    pub(crate) lasting: bool,
+    /// A collider of each, which feels the impulse.
+    colliders: [Option<usize>; 2],
+    number: u64,
+}
+
+/// All connections, and their points as all is placed.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Connections {
+    all: Vec<Joined>,
+    points: Vec<ContactPoint>,
+    /// Number of the next.
+    next: u64,
+}
+
+impl Connections {
+    /// Adds one.
+    pub(crate) fn add(
+        &mut self,
+        colliders: &[Collider],
+        owners: [Owner; 2],
+        frames: [Isometry3<f64>; 2],
+        (kind, lasting): (ConnectionKind, bool),
+    ) {
+        let of = |owner: Owner| {
+            let own = |collider: &Collider| collider.owner == owner && owner != Owner::World;
+            colliders.iter().position(own)
+        };
+        let colliders = owners.map(of);
+        self.all.push(Joined { owners, frames, kind, lasting, colliders, number: self.next });
+        self.next += 1;
+        self.points.reserve(self.most());
+    }
+
+    /// Removes those of these two parts; `false` where there is none.
+    pub(crate) fn remove(&mut self, parts: [Owner; 2]) -> bool {
+        let before = self.all.len();
+        self.all.retain(|joined| !joins(joined, parts));
+        before > self.all.len()
+    }
+
+    /// Removes those that do not last.
+    pub(crate) fn reset(&mut self) {
+        self.all.retain(|joined| joined.lasting);
+    }
+
+    /// The largest number of points.
+    pub(crate) fn most(&self) -> usize {
+        2 * self.all.len()
+    }
+
+    pub(crate) fn save(&self) -> (Vec<Joined>, u64) {
+        (self.all.clone(), self.next)
+    }
+
+    pub(crate) fn restore(&mut self, (all, next): &(Vec<Joined>, u64)) {
+        self.all.clone_from(all);
+        self.next = *next;
+        self.points.reserve(self.most());
+    }
+
+    /// True for two parts that are connected.
+    pub(crate) fn joins(&self, parts: [Owner; 2]) -> bool {
+        self.all.iter().any(|joined| joins(joined, parts))
+    }
+
+    /// Finds the points as everything stands.
+    pub(super) fn place<'a>(
+        &mut self,
+        (kinematics, bases): (impl Fn(usize) -> &'a Kinematics, &[Isometry3<f64>]),
+        objects: &[FreeBody],
+    ) {
+        self.points.clear();
+        for joined in &self.all {
+            let pose = |owner: Owner| match owner {
+                Owner::World => Isometry3::identity(),
+                Owner::Base(of) => bases[of],
+                Owner::Body(of, body) => kinematics(of).body_pose(body),
+                Owner::Object(object) => objects[object].pose,
+            };
+            let [a, b] = [0, 1].map(|side| pose(joined.owners[side]) * joined.frames[side]);
+            let apart = a.translation.vector - b.translation.vector;
+            let point = Point3::from(0.5 * (a.translation.vector + b.translation.vector));
+            let mut add = |turning: bool, error: Vector3<f64>| {
+                self.points.push(ContactPoint {
+                    key: CONNECTION | joined.number << 1 | u64::from(turning),
+                    // A part may have none: see `colliders`.
+                    colliders: (usize::MAX, usize::MAX),
+                    owners: (joined.owners[0], joined.owners[1]),
+                    point,
+                    normal: Vector3::x(),
+                    distance: 0.0,
+                    speed: 0.0,
+                    law: SurfaceLaw::NONE,
+                    held: Some(Held { turning, error }),
+                    h: UNKNOWN,
+                    kept: false,
+                });
+            };
+            add(false, apart);
+            if joined.kind == ConnectionKind::Fixed {
+                add(true, (a.rotation * b.rotation.inverse()).scaled_axis());
+            }
+        }
+    }
+
+    /// The points of connections of which a side moves.
+    pub(super) fn points(&self, moves: impl Fn(Owner) -> bool) -> impl Iterator<Item = &ContactPoint> {
+        self.points.iter().filter(move |point| moves(point.owners.0) || moves(point.owners.1))
+    }
+
+    /// Colliders of the two parts of the point with this key.
+    pub(super) fn colliders(&self, key: u64) -> [Option<usize>; 2] {
+        let number = (key & !CONNECTION) >> 1;
+        self.all.iter().find(|joined| joined.number == number).map_or([None; 2], |joined| joined.colliders)
+    }
+}
+
+fn joins(joined: &Joined, [a, b]: [Owner; 2]) -> bool {
+    joined.owners == [a, b] || joined.owners == [b, a]
+}

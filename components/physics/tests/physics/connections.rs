@@ -1,0 +1,257 @@
+//! Connections against closed forms: loops of links, things that are fixed to one another, free flight.
+
+use motorium_physics::{
+    ArticulatedSimulator, ConnectError, Connection, ConnectionKind, Ground, JointCommand, MujocoSimulator,
+    Object, ObjectShape, Options, RapierSimulator, Simulator, World,
+};
+use motorium_robots::{MimicMode, Model, PackagePath, load, parse_urdf};
+use nalgebra::{Isometry3, Vector3};
+
+use crate::engines::has_mujoco;
+
+/// A crank of 0.2 m at the origin with a coupler of 0.5 m, and a rocker of 0.4 m at x = 0.5 m, all about y: at the angles of the file they
+/// lie stretched out along x, z and so on as `links` turns them.
+fn linkage() -> Model {
+    let link = |name: &str, length: f64| {
+        format!(
+            r#"<link name="{name}"><inertial><origin xyz="{} 0 0"/><mass value="1"/>
+  <inertia ixx="0.001" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>"#,
+            0.5 * length
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, x: f64| {
+        format!(
+            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
+  <origin xyz="{x} 0 0"/><axis xyz="0 -1 0"/><limit effort="100" velocity="50"/></joint>"#
+        )
+    };
+    let text = format!(
+        r#"<robot name="linkage"><link name="base"/>{}{}{}{}{}{}</robot>"#,
+        joint("crank_joint", "base", "crank", 0.0),
+        link("crank", 0.2),
+        joint("coupler_joint", "crank", "coupler", 0.2),
+        link("coupler", 0.5),
+        joint("rocker_joint", "base", "rocker", 0.5),
+        link("rocker", 0.4)
+    );
+    parse_urdf(&text, None, MimicMode::Follow, &PackagePath::default()).unwrap().model
+}
+
+/// Angles of coupler and rocker, both against x, that close the loop at this angle of the crank: the two circles about its end and
+/// about the pivot of the rocker meet above.
+fn closed(crank: f64) -> (f64, f64) {
+    let (tip, pivot) = ([0.2 * crank.cos(), 0.2 * crank.sin()], [0.5, 0.0]);
+    let (dx, dz) = (pivot[0] - tip[0], pivot[1] - tip[1]);
+    let apart = dx.hypot(dz);
+    let along = (0.25 - 0.16 + apart * apart) / (2.0 * apart);
+    let beside = (0.25 - along * along).sqrt();
+    let pin = [tip[0] + (along * dx - beside * dz) / apart, tip[1] + (along * dz + beside * dx) / apart];
+    ((pin[1] - tip[1]).atan2(pin[0] - tip[0]), (pin[1] - pivot[1]).atan2(pin[0] - pivot[0]))
+}
+
+fn pin() -> Connection {
+    let parts = ["coupler", "rocker"].map(str::to_owned);
+    Connection { parts, kind: ConnectionKind::Ball, point: [0.5, 0.0, 0.0] }
+}
+
+#[test]
+fn a_four_bar_linkage_turns_as_its_geometry_says() {
+    let (coupler, rocker) = closed(0.3);
+    let q = [0.3, coupler - 0.3, rocker];
+    let mut bars = ArticulatedSimulator::new(linkage(), World::default(), &q, Options::default()).unwrap();
+    bars.connect(&pin()).unwrap();
+    // The crank is led through two turns.
+    for step in 0..8000 {
+        let goal = 0.3 + 12.566_370_614 * f64::from(step) / 8000.0;
+        bars.commands_mut()[0] =
+            JointCommand { velocity: 12.566_370_614 / 8.0, ..JointCommand::hold(goal, 500.0, 50.0) };
+        bars.step(1e-3).unwrap();
+        let q = bars.positions();
+        let (coupler, rocker) = closed(q[0]);
+        let wrap = |angle: f64| {
+            (angle + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI
+        };
+        let (one, two) = (wrap(q[0] + q[1] - coupler), wrap(q[2] - rocker));
+        assert!(
+            one.abs() < 1e-3 && two.abs() < 1e-3,
+            "crank at {}: coupler off by {one}, rocker by {two}",
+            q[0]
+        );
+    }
+    assert!(bars.positions()[0] > 12.0, "{:?}", bars.positions());
+}
+
+#[test]
+fn a_linkage_keeps_its_energy_as_a_tree_of_links_does() {
+    let (coupler, rocker) = closed(1.0);
+    let world = World { gravity: [0.0; 3], ..World::default() };
+    let mut bars =
+        ArticulatedSimulator::new(linkage(), world, &[1.0, coupler - 1.0, rocker], Options::default())
+            .unwrap();
+    bars.connect(&pin()).unwrap();
+    let model = linkage();
+    let energy = |bars: &ArticulatedSimulator| {
+        motorium_robots::Dynamics::new(&model).kinetic_energy(&model, bars.configuration(), bars.velocity())
+    };
+    bars.commands_mut()[0] = JointCommand::effort(0.5);
+    (0..300).for_each(|_| _ = bars.step(1e-3).unwrap());
+    bars.commands_mut()[0] = JointCommand::default();
+    bars.step(1e-3).unwrap();
+    let start = energy(&bars);
+    (0..3000).for_each(|_| _ = bars.step(1e-3).unwrap());
+    assert!((energy(&bars) / start - 1.0).abs() < 0.02, "{} of {start} J", energy(&bars));
+}
+
+fn brick(name: &str, x: f64) -> Object {
+    Object {
+        name: name.to_owned(),
+        shape: ObjectShape::Box { size: [0.2, 0.1, 0.1] },
+        mass: Some(1.5),
+        position: [x, 0.0, 3.0],
+        ..Object::default()
+    }
+}
+
+fn above() -> Model {
+    let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
+    pendulum.placed(&Isometry3::translation(0.0, 0.0, 50.0))
+}
+
+fn with_bricks(gravity: [f64; 3]) -> ArticulatedSimulator {
+    let objects = vec![brick("one", 0.0), brick("two", 0.25)];
+    let world = World { gravity, ground: Some(Ground::default()), objects, ..World::default() };
+    ArticulatedSimulator::new(above(), world, &[0.0], Options::default()).unwrap()
+}
+
+#[test]
+fn two_bricks_that_are_fixed_to_one_another_fall_and_land_as_one() {
+    let mut bricks = with_bricks([0.0, 0.0, -9.81]);
+    bricks.attach("one", "two").unwrap();
+    let relative = |bricks: &ArticulatedSimulator| {
+        let [one, two] = ["one", "two"].map(|name| bricks.object_pose(bricks.object(name).unwrap()));
+        one.inv_mul(&two)
+    };
+    let start = relative(&bricks);
+    for step in 0..2000 {
+        bricks.step(1e-3).unwrap();
+        let now = relative(&bricks);
+        let (moved, turned) =
+            (start.translation.vector - now.translation.vector, start.rotation.angle_to(&now.rotation));
+        assert!(moved.norm() < 1e-4 && turned < 1e-4, "step {step}: {} m, {turned} rad", moved.norm());
+    }
+    let one = bricks.object_pose(bricks.object("one").unwrap());
+    assert!((one.translation.z - 0.05).abs() < 1e-3, "they lie on the ground: {one}");
+    assert!(bricks.detach("one", "two") && !bricks.detach("one", "two"));
+}
+
+#[test]
+fn what_flies_connected_keeps_its_momentum_and_its_centre_of_mass() {
+    for kind in [ConnectionKind::Ball, ConnectionKind::Fixed] {
+        let mut bricks = with_bricks([0.0; 3]);
+        let parts = ["one", "two"].map(str::to_owned);
+        bricks.connect(&Connection { parts, kind, point: [0.125, 0.0, 0.0] }).unwrap();
+        // Turned out of their rest by their own weight for a moment, about a corner of nothing: gravity on both gives no spin, so
+        // the momentum is that of the fall.
+        bricks.set_gravity(Vector3::new(0.3, 0.0, 1.0));
+        (0..200).for_each(|_| _ = bricks.step(1e-3).unwrap());
+        bricks.set_gravity(Vector3::zeros());
+        let momentum = |bricks: &ArticulatedSimulator| -> Vector3<f64> {
+            ["one", "two"]
+                .iter()
+                .map(|name| bricks.object_velocity(bricks.object(name).unwrap()).0 * 1.5)
+                .sum()
+        };
+        let before = momentum(&bricks);
+        (0..500).for_each(|_| _ = bricks.step(1e-3).unwrap());
+        assert!((momentum(&bricks) - before).norm() < 1e-9, "{kind:?}");
+        assert!((before - Vector3::new(0.3, 0.0, 1.0) * 0.2 * 3.0).norm() < 1e-9, "{kind:?}: {before}");
+    }
+}
+
+#[test]
+fn a_rod_with_a_weight_attached_swings_with_the_period_of_both() {
+    let rod = load("pendulum", std::path::Path::new(".")).unwrap().model;
+    let last = rod.frames().last().unwrap().name.clone();
+    let weight = Object {
+        name: "weight".to_owned(),
+        shape: ObjectShape::Sphere { radius: 0.02 },
+        mass: Some(2.0),
+        position: [0.8 * 0.1_f64.sin() * -1.0, 0.0, -0.8 * 0.1_f64.cos()],
+        ..Object::default()
+    };
+    let world = World { objects: vec![weight], ..World::default() };
+    let mut swing = ArticulatedSimulator::new(rod.clone(), world, &[0.1], Options::default()).unwrap();
+    swing.attach(&last, "weight").unwrap();
+    // Inertia about the hinge and moment of weight of the rod, from its mass matrix and gravity; of the weight about its own centre, too.
+    let mut dynamics = motorium_robots::Dynamics::new(&rod);
+    let mut mass = nalgebra::DMatrix::zeros(1, 1);
+    dynamics.crba(&rod, &[0.0], &mut mass);
+    let mut torque = vec![0.0];
+    dynamics.bias(&rod, &[0.01], &[0.0], Vector3::new(0.0, 0.0, -9.81), &mut torque);
+    let place = swing.object_pose(swing.object("weight").unwrap()).translation.vector;
+    let arm = place.norm();
+    let inertia = mass[(0, 0)] + 2.0 * arm * arm + 0.4 * 2.0 * 0.02 * 0.02;
+    let stiffness = torque[0].abs() / 0.01_f64.sin() + 2.0 * 9.81 * arm;
+    let period = std::f64::consts::TAU * (inertia / stiffness).sqrt();
+    let mut passes = Vec::new();
+    let mut before = swing.object_pose(swing.object("weight").unwrap()).translation.x;
+    for step in 1..10_000 {
+        swing.step(5e-4).unwrap();
+        let now = swing.object_pose(swing.object("weight").unwrap()).translation.x;
+        if before > 0.0 && now <= 0.0 {
+            passes.push(5e-4 * (f64::from(step) - now / (now - before)));
+        }
+        before = now;
+    }
+    let found = passes[1] - passes[0];
+    // An amplitude of 0.1 rad lengthens it by 0.06 %; the rod's damping shortens nothing that shows.
+    assert!((found / period - 1.0).abs() < 3e-3, "{found} s, expected {period} s");
+}
+
+#[test]
+fn a_reset_keeps_connections_and_drops_what_was_attached() {
+    let mut bricks = with_bricks([0.0; 3]);
+    let parts = ["one", "two"].map(str::to_owned);
+    bricks.connect(&Connection { parts, kind: ConnectionKind::Fixed, point: [0.0; 3] }).unwrap();
+    bricks.attach("two", "world").unwrap();
+    bricks.reset(&[0.0], &[0.0]).unwrap();
+    assert!(!bricks.detach("world", "two") && bricks.detach("two", "one"));
+}
+
+#[test]
+fn a_saved_loop_goes_on_to_the_bit() {
+    let (coupler, rocker) = closed(0.3);
+    let q = [0.3, coupler - 0.3, rocker];
+    let mut bars = ArticulatedSimulator::new(linkage(), World::default(), &q, Options::default()).unwrap();
+    let before = bars.save();
+    bars.connect(&pin()).unwrap();
+    (0..100).for_each(|_| _ = bars.step(1e-3).unwrap());
+    let saved = bars.save();
+    let on = |bars: &mut ArticulatedSimulator| {
+        (0..300).for_each(|_| _ = bars.step(1e-3).unwrap());
+        bars.configuration().to_vec()
+    };
+    let first = on(&mut bars);
+    bars.restore(&before).unwrap();
+    on(&mut bars);
+    bars.restore(&saved).unwrap();
+    assert_eq!(first, on(&mut bars));
+}
+
+#[test]
+fn connections_that_cannot_be_are_refused() {
+    let mut bars =
+        ArticulatedSimulator::new(linkage(), World::default(), &[0.0; 3], Options::default()).unwrap();
+    let words = bars.attach("coupler", "rockr").unwrap_err().to_string();
+    assert_eq!(words, "no link or object is called \"rockr\" (did you mean \"rocker\"?)");
+    assert!(matches!(bars.attach("base", "world"), Err(ConnectError::Rigid { .. })));
+    let nowhere = Connection { point: [f64::NAN, 0.0, 0.0], ..pin() };
+    assert!(matches!(bars.connect(&nowhere), Err(ConnectError::Point(_))));
+    let mut other = RapierSimulator::new(linkage(), World::default(), &[0.0; 3], Options::default()).unwrap();
+    assert_eq!(other.connect(&pin()), Err(ConnectError::Unable { engine: "rapier" }));
+    if has_mujoco() {
+        let mut other =
+            MujocoSimulator::new(linkage(), World::default(), &[0.0; 3], Options::default()).unwrap();
+        assert_eq!(other.connect(&pin()), Err(ConnectError::Unable { engine: "MuJoCo" }));
+    }
+}

@@ -1,0 +1,71 @@
+//! Springs in the joints of a robot.
+
+use super::Model;
+use crate::nearest::nearest;
+
+/// A spring that a joint cannot have.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SpringError {
+    /// No joint has this name.
+    #[error("the robot has no joint \"{joint}\"{}", crate::nearest::suggestion(.nearest.as_deref()))]
+    UnknownJoint {
+        /// The name.
+        joint: String,
+        /// The joint most likely meant.
+        nearest: Option<String>,
+    },
+    /// A number outside its range.
+    #[error("{name} {value} of the spring of joint \"{joint}\", expected {expected}")]
+    Value {
+        /// The joint.
+        joint: String,
+        /// The number.
+        name: &'static str,
+        /// The value found.
+        value: f64,
+        /// The range expected.
+        expected: &'static str,
+    },
+}
+
+impl Model {
+    /// The robot with springs in these joints, in place of those that they have: the name of the joint, the stiffness
+    /// \[Nm/rad or N/m\], and the position at which the spring is relaxed \[rad or m\].
+    ///
+    /// ```
+    /// let arm = motorium_robots::load("planar-3r", std::path::Path::new("."))?.model;
+    /// let joint = arm.joint_names()[1].clone();
+    /// let sprung = arm.with_springs(&[(&joint, 40.0, 0.3)])?;
+    /// assert_eq!(sprung.joint(1).dynamics.stiffness, 40.0);
+    /// assert!(arm.with_springs(&[(&joint, -1.0, 0.0)]).is_err());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`SpringError`].
+    pub fn with_springs(&self, springs: &[(&str, f64, f64)]) -> Result<Self, SpringError> {
+        let mut bodies = self.bodies.clone();
+        for &(name, stiffness, rest) in springs {
+            let Some(body) = bodies.iter_mut().find(|body| body.joint.name == name) else {
+                let names = self.bodies.iter().map(|body| body.joint.name.as_str());
+                let nearest = nearest(name, names).map(str::to_owned);
+                return Err(SpringError::UnknownJoint { joint: name.to_owned(), nearest });
+            };
+            let refused = |what, value, expected| SpringError::Value {
+                joint: name.to_owned(),
+                name: what,
+                value,
+                expected,
+            };
+            if !(stiffness >= 0.0 && stiffness.is_finite()) {
+                return Err(refused("stiffness", stiffness, "a number from 0 up"));
+            }
+            if !rest.is_finite() {
+                return Err(refused("rest", rest, "a finite number"));
+            }
+            (body.joint.dynamics.stiffness, body.joint.dynamics.rest) = (stiffness, rest);
+        }
+        Ok(Self::new(self.name.clone(), self.base.clone(), bodies, self.frames.clone()))
+    }
+}

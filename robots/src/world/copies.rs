@@ -1,0 +1,67 @@
+//! Copies of an object in a pattern.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
+
+use super::Object;
+
+/// Copies of an object in rows, columns and layers along its own axes.
+///
+/// ```
+/// use motorium_robots::World;
+///
+/// let text = r#"
+/// [[objects]]
+/// name     = "crate"
+/// shape    = { box = { size = [0.4, 0.4, 0.4] } }
+/// position = [2.0, 0.0, 0.2]
+/// copies   = { count = [3, 1, 2], spacing = [1.0, 0.0, 0.4] }
+/// "#;
+/// let world: World = toml::from_str(text).unwrap();
+/// let names: Vec<&str> = world.objects.iter().map(|object| object.name.as_str()).collect();
+/// assert_eq!(names, ["crate_0", "crate_1", "crate_2", "crate_3", "crate_4", "crate_5"]);
+/// assert_eq!(world.objects[5].position, [4.0, 0.0, 0.6000000000000001]);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Copies {
+    /// How many along x, y and z of the object, itself included: 1 to 1000, at most 1000 in all.
+    #[schemars(inner(range(min = 1, max = 1000)))]
+    pub count: [usize; 3],
+    /// Distance from one to the next along x, y and z (m).
+    pub spacing: [f64; 3],
+}
+
+/// Most copies of an object.
+const MOST: usize = 1000;
+
+/// Reads objects, each that has `copies` as all of these: `NAME_0`, `NAME_1` and so on, x first, then y, then z.
+pub(super) fn expanded<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Object>, D::Error> {
+    let written = Vec::<Object>::deserialize(deserializer)?;
+    let mut objects = Vec::with_capacity(written.len());
+    for object in written {
+        let Some(Copies { count, spacing }) = object.copies else {
+            objects.push(object);
+            continue;
+        };
+        let all = count.iter().try_fold(1_usize, |all, count| all.checked_mul(*count));
+        if all.is_none_or(|all| !(1..=MOST).contains(&all)) {
+            return Err(serde::de::Error::custom(format!(
+                "object \"{}\": `copies.count` is {count:?}, expected numbers from 1 up whose product is at most {MOST}",
+                object.name
+            )));
+        }
+        let [roll, pitch, yaw] = object.rpy;
+        let turn = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+        let start = Vector3::from(object.position);
+        for number in 0..count.iter().product() {
+            let place = [number % count[0], number / count[0] % count[1], number / (count[0] * count[1])];
+            let shift = Vector3::from_fn(|axis, _| place[axis] as f64 * spacing[axis]);
+            let position = (start + turn * shift).into();
+            let name = format!("{}_{number}", object.name);
+            objects.push(Object { name, position, copies: None, ..object.clone() });
+        }
+    }
+    Ok(objects)
+}
