@@ -19,6 +19,7 @@ mod hangs;
 mod latches;
 mod looking_on;
 mod moves;
+mod official;
 mod places;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;
@@ -26,6 +27,7 @@ mod programs;
 mod recording;
 mod replays;
 mod runs;
+mod scores;
 mod sessions;
 mod siblings;
 mod sockets;

@@ -46,6 +46,22 @@ fn launch(plan: Plan) -> Session<'static> {
 }
 
 #[test]
+fn a_replay_finds_all_of_its_memory_before_it_steps() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = recorded(folder.path(), "panda-reach.toml", &["--for", "1 s"]);
+    let (report, said) = replay(&file, &[]);
+    // A recorded state has some 200 places; each was a page fault or half of one at its first use.
+    let faults: u64 = report["components"]
+        .as_array()
+        .expect("components")
+        .iter()
+        .filter_map(|component| component["page_faults"].as_u64())
+        .sum();
+    assert!(faults < 40, "{faults} page faults: {said}");
+}
+
+#[test]
 fn an_arm_elsewhere_is_led_to_the_start_of_a_recording_within_its_limits_and_to_rest_behind_its_end() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");

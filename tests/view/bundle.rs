@@ -18,6 +18,24 @@ fn copy(from: &Path, to: &Path) {
 }
 
 #[test]
+fn the_picture_of_the_page_in_the_readme_and_the_book_is_one_of_the_page_as_it_is() {
+    let picture = "docs/images/view.png";
+    let file = std::fs::read(workspace().join(picture)).unwrap();
+    let page = motorium_bridges::png::text(&file, "page");
+    assert_eq!(
+        page,
+        Some(motorium_view::page_digest()),
+        "{picture} is of another page: motorium view graphs/panda-reach.toml --headless-check {picture}"
+    );
+    for page in ["README.md", "docs/src/view.md"] {
+        assert!(
+            std::fs::read_to_string(workspace().join(page)).unwrap().contains("images/view.png"),
+            "{page}"
+        );
+    }
+}
+
+#[test]
 fn the_bundle_in_the_repository_is_what_its_sources_and_locked_packages_make() {
     let page = workspace().join("tools/view/page");
     let copied = tempfile::tempdir().unwrap();

@@ -75,7 +75,14 @@ fn the_page_commands_the_run_and_survives_its_end() {
             && state["components"].as_array().is_some_and(|all| all.len() == 4)
     });
     assert!(state["triangles"].as_u64().unwrap() > 100, "{state}");
-    until(&mut browser, "the plot has points", |state| state["plot"]["points"].as_u64() > Some(10));
+    let state =
+        until(&mut browser, "the plot has points", |state| state["plot"]["points"].as_u64() > Some(10));
+    let plot = &state["plot"];
+    assert_eq!((&plot["field"], &plot["unit"]), (&"position".into(), &"rad or m".into()), "{plot}");
+    assert_eq!(
+        (&plot["names"][0], &plot["names"][7]),
+        (&"panda_joint1".into(), &"panda_finger_joint1".into())
+    );
 
     let state = until(&mut browser, "the timeline has measured steps", |state| {
         let lanes = state["timeline"]["lanes"].as_array();
@@ -139,4 +146,73 @@ fn the_page_commands_the_run_and_survives_its_end() {
     });
     let errors = browser.evaluate("motorium.state().errors").unwrap();
     assert_eq!(errors, serde_json::json!([]));
+}
+
+/// What the legend of the plot says: names and values.
+const LEGEND: &str = "[...document.querySelectorAll('#plot-legend div')].map((line) => [line.dataset.name, line.lastChild.textContent])";
+
+#[test]
+fn the_joints_of_a_humanoid_are_plotted_by_groups_with_their_names_and_values() {
+    if without_browser() {
+        return;
+    }
+    let _machine = machine();
+    let graph = workspace().join("graphs/humanoid-reach.toml");
+    // Slow enough that values and page are of one moment.
+    let run = Run::start(&graph, &["--for", "600s", "--clock", "lockstep", "--pace", "0.2"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
+    let mut browser = Browser::open(&viewer.address(), (1280, 860)).unwrap();
+    let drawn =
+        |state: &Json| state["robots"][0]["drawn"] == true && state["plot"]["points"].as_u64() > Some(10);
+    let state = until(&mut browser, "the robot is drawn and plotted", drawn);
+    assert_eq!(state["plot"]["lines"], 8, "{}", state["plot"]);
+    let groups = "[...document.querySelectorAll('#plot-entries option')].map((option) => option.textContent)";
+    let groups: Vec<String> = serde_json::from_value(browser.evaluate(groups).unwrap()).unwrap();
+    assert_eq!(groups.len(), 4, "31 joints in groups of 8: {groups:?}");
+    assert!(groups[0].starts_with("left_hip_yaw … ") && groups[3].ends_with("neck_pitch"), "{groups:?}");
+    browser
+        .evaluate(
+            "(() => { const list = document.querySelector('#plot-entries'); list.value = list.options[3].value; \
+             list.dispatchEvent(new Event('change')); })()",
+        )
+        .unwrap();
+    let state = until(&mut browser, "the last group is plotted", |state| {
+        state["plot"]["lines"] == 7 && state["plot"]["points"].as_u64() > Some(10)
+    });
+    let (names, newest) = (&state["plot"]["names"], &state["plot"]["newest"]);
+    let joints = state["robots"][0]["joints"].as_object().unwrap();
+    for (name, value) in names.as_array().unwrap().iter().zip(newest.as_array().unwrap()) {
+        let shown = joints[name.as_str().unwrap()].as_f64().unwrap();
+        let plotted = value.as_f64().unwrap();
+        assert!((shown - plotted).abs() < 0.05, "{name}: {plotted} plotted, {shown} in the table");
+    }
+    until(&mut browser, "the legend has values", |_| true);
+    let legend: Vec<(String, String)> = serde_json::from_value(browser.evaluate(LEGEND).unwrap()).unwrap();
+    assert_eq!(legend.len(), 7);
+    assert!(legend.iter().all(|(_, value)| value.parse::<f64>().is_ok()), "{legend:?}");
+    let rows = browser.evaluate("document.querySelectorAll('#joints tr').length").unwrap();
+    assert_eq!(rows, 32, "a head, and a row for each joint");
+    let head = browser.evaluate("document.querySelector('#joints tr').textContent").unwrap();
+    assert_eq!(head, "jointposition, radvelocity, rad/seffort, N m");
+}
+
+#[test]
+fn in_a_narrow_window_nothing_is_cut_off_and_the_stop_button_stays() {
+    if without_browser() {
+        return;
+    }
+    let _machine = machine();
+    let run = Run::start(&panda_reach(), &["--for", "600s"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
+    let mut browser = Browser::open(&viewer.address(), (390, 800)).unwrap();
+    until(&mut browser, "the robot is drawn", |state| state["robots"][0]["drawn"] == true);
+    let width = browser.evaluate("document.documentElement.scrollWidth").unwrap();
+    assert!(width.as_u64() <= Some(390), "the page is {width} pixels wide");
+    let place = "(() => { scrollTo(0, document.body.scrollHeight); \
+        const { top, bottom, right } = document.getElementById('stop').getBoundingClientRect(); \
+        return { scrolled: scrollY, top, bottom, right }; })()";
+    let place = browser.evaluate(place).unwrap();
+    let number = |name: &str| place[name].as_f64().unwrap();
+    assert!(number("scrolled") > 200.0, "there is more than one screen of it: {place}");
+    assert!(number("top") >= 0.0 && number("bottom") <= 800.0 && number("right") <= 390.0, "{place}");
 }

@@ -11,7 +11,7 @@ use serde_json::{Value as Json, json};
 
 use crate::client::{Client, Heard};
 use crate::support::{Run, await_that, is_alive, machine, panda_reach, workspace};
-use crate::viewer::Viewer;
+use crate::viewer::{Viewer, installed};
 
 const SUBPROTOCOL: &str = "foxglove.sdk.v1";
 const STATE: &str = "panda/joint_state";
@@ -296,4 +296,32 @@ fn the_port_serves_the_page_and_files_of_robots_and_nothing_else() {
     assert!(client.fetch("package://arm/meshes/foot.stl").unwrap_err().contains("is not there"));
     assert!(client.fetch("file:///etc/passwd").unwrap_err().contains("names no file of a robot"));
     assert!(!viewer.said().contains("panicked"));
+}
+
+#[test]
+fn the_cost_of_a_recording_that_is_looked_at_is_measured() {
+    let _machine = machine();
+    let installed = installed();
+    let output = std::process::Command::new(installed.path().join("motorium"))
+        .args([
+            "bench",
+            "recording",
+            "graphs/panda-reach.toml",
+            "--view",
+            "--turns",
+            "1",
+            "--for",
+            "1 s",
+            "--json",
+        ])
+        .current_dir(workspace())
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    let told: Json = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&told["view"], &told["turns"]), (&true.into(), &1.into()), "{told}");
+    assert!(told["cpu_s"].as_f64() > Some(0.0), "{told}");
+    let times = told["times"].as_array().unwrap();
+    assert!(times.len() == 5 && times.iter().all(|row| row["p99"]["ratio"].as_f64() > Some(0.0)), "{told}");
 }

@@ -7,6 +7,7 @@ pub mod foxglove;
 mod iceoryx2;
 pub mod parquet;
 pub mod png;
+pub mod quantities;
 pub mod recording;
 
 use motorium::worker::Kind;

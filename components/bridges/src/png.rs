@@ -5,6 +5,9 @@ use miniz_oxide::deflate::compress_to_vec_zlib;
 /// Level of the deflate: of 0 to 10 the one from which on flat areas and gentle slopes are small, and time is not wasted.
 const LEVEL: u8 = 4;
 
+/// First bytes of every file.
+const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
+
 /// A picture of rows of red, green and blue, as a file.
 ///
 /// ```
@@ -13,7 +16,7 @@ const LEVEL: u8 = 4;
 /// assert!(file.starts_with(b"\x89PNG\r\n\x1a\n"));
 /// ```
 pub fn encode(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
-    let mut file = b"\x89PNG\r\n\x1a\n".to_vec();
+    let mut file = SIGNATURE.to_vec();
     let size = |value: usize| (value as u32).to_be_bytes();
     // 8 bits a channel, red green blue, and the only methods there are.
     let head = [&size(width)[..], &size(height), &[8, 2, 0, 0, 0]].concat();
@@ -21,6 +24,46 @@ pub fn encode(width: usize, height: usize, pixels: &[u8]) -> Vec<u8> {
     chunk(b"IDAT", &compress_to_vec_zlib(&filtered(3 * width, pixels), LEVEL), &mut file);
     chunk(b"IEND", &[], &mut file);
     file
+}
+
+/// The file with a text in it, by a keyword of Latin letters. `None` if it is no PNG file.
+///
+/// ```
+/// use motorium_bridges::png::{encode, text, with_text};
+///
+/// let file = with_text(&encode(1, 1, &[0; 3]), "page", "3f2a").unwrap();
+/// assert_eq!(text(&file, "page").as_deref(), Some("3f2a"));
+/// assert_eq!(text(&file, "author"), None);
+/// ```
+pub fn with_text(file: &[u8], keyword: &str, text: &str) -> Option<Vec<u8>> {
+    let (end, _) = chunks(file)?.into_iter().find(|(at, _)| &file[at + 4..at + 8] == b"IEND")?;
+    let mut longer = file[..end].to_vec();
+    chunk(b"tEXt", &[keyword.as_bytes(), &[0], text.as_bytes()].concat(), &mut longer);
+    longer.extend(&file[end..]);
+    Some(longer)
+}
+
+/// The text in a file that has this keyword.
+pub fn text(file: &[u8], keyword: &str) -> Option<String> {
+    chunks(file)?.into_iter().find_map(|(at, data)| {
+        let found = data.strip_prefix(keyword.as_bytes())?.strip_prefix(&[0])?;
+        (&file[at + 4..at + 8] == b"tEXt").then(|| String::from_utf8_lossy(found).into_owned())
+    })
+}
+
+/// Places of the chunks of a file, and their data.
+fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
+    let (mut at, mut found) = (SIGNATURE.len(), Vec::new());
+    if !file.starts_with(SIGNATURE) {
+        return None;
+    }
+    while at < file.len() {
+        let length = u32::from_be_bytes(file.get(at..at + 4)?.try_into().ok()?) as usize;
+        let end = (at + 8).checked_add(length)?;
+        found.push((at, file.get(at + 8..end)?));
+        at = end + 4;
+    }
+    Some(found)
 }
 
 fn chunk(kind: &[u8; 4], data: &[u8], file: &mut Vec<u8>) {
@@ -84,6 +127,15 @@ fn paeth(left: u8, above: u8, corner: u8) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_that_is_cut_short_or_no_picture_has_no_text() {
+        let file = with_text(&encode(1, 1, &[0; 3]), "page", "3f2a").unwrap();
+        for length in 0..file.len() - 4 {
+            assert_eq!(text(&file[..length], "page"), None, "{length} of {} bytes", file.len());
+        }
+        assert_eq!(with_text(b"GIF89a", "page", "3f2a"), None);
+    }
 
     /// Reads a file as the standard has it.
     fn pixels(file: &[u8], bytes_per_row: usize) -> Vec<u8> {

@@ -11,10 +11,26 @@ use super::Chart;
 use super::axis::number;
 
 /// The colours of the lines, in turn.
-const COLOURS: [Color; 6] =
-    [Color::Blue, Color::Red, Color::Green, Color::Yellow, Color::Magenta, Color::Cyan];
+const COLOURS: [Color; 12] = [
+    Color::Blue,
+    Color::Red,
+    Color::Green,
+    Color::Yellow,
+    Color::Magenta,
+    Color::Cyan,
+    Color::LightBlue,
+    Color::LightRed,
+    Color::LightGreen,
+    Color::LightYellow,
+    Color::LightMagenta,
+    Color::LightCyan,
+];
 
-/// A chart as text of so many columns and rows; with escape codes for colours if the terminal shows them.
+/// Rows of the smallest chart.
+const LEAST_ROWS: u16 = 10;
+
+/// A chart as text of so many columns and rows, with its title above and its names and their last values beneath; with escape
+/// codes for colours if the terminal shows them.
 pub(crate) fn braille(chart: &Chart, (columns, rows): (u16, u16), colour: bool) -> String {
     let points: Vec<Vec<(f64, f64)>> =
         chart.series.iter().map(|series| series.points.iter().map(|[x, y, _]| (*x, *y)).collect()).collect();
@@ -26,21 +42,25 @@ pub(crate) fn braille(chart: &Chart, (columns, rows): (u16, u16), colour: bool) 
     };
     let (x, y) = (bounds(|point| point.0), bounds(|point| point.1));
     let ends = |[low, high]: [f64; 2]| [number(low), number(high)].map(Line::from).to_vec();
-    let sets = chart.series.iter().zip(&points).enumerate().map(|(index, (series, points))| {
+    let sets = points.iter().enumerate().map(|(index, points)| {
         Dataset::default()
-            .name(series.name.clone())
             .marker(Marker::Braille)
             .graph_type(GraphType::Line)
             .style(Style::new().fg(COLOURS[index % COLOURS.len()]))
             .data(points)
     });
+    let legend = legend(chart, columns.into(), colour);
+    // Title and legend belong to the rows.
+    let around = 1 + u16::try_from(legend.lines().count()).unwrap_or(u16::MAX);
+    let rows = rows.saturating_sub(around).max(LEAST_ROWS);
     let area = Rect::new(0, 0, columns, rows);
     let mut buffer = Buffer::empty(area);
     ratatui::widgets::Chart::new(sets.collect())
-        .x_axis(Axis::default().title(chart.x.clone()).bounds(x).labels(ends(x)))
-        .y_axis(Axis::default().title(chart.y.clone()).bounds(y).labels(ends(y)))
+        .x_axis(Axis::default().bounds(x).labels(ends(x)))
+        .y_axis(Axis::default().bounds(y).labels(ends(y)))
         .render(area, &mut buffer);
-    let mut text = String::new();
+    let title = [chart.title.as_str(), &chart.y].into_iter().filter(|part| !part.is_empty());
+    let mut text = format!("{}; across: {}\n", title.collect::<Vec<_>>().join(": "), chart.x);
     for row in 0..rows {
         let mut line = String::new();
         let mut before = Color::Reset;
@@ -58,7 +78,26 @@ pub(crate) fn braille(chart: &Chart, (columns, rows): (u16, u16), colour: bool) 
         text += line.trim_end();
         text.push('\n');
     }
-    text
+    text + &legend
+}
+
+/// The names of the lines in as many columns as there is room for, each with its colour and its last value.
+fn legend(chart: &Chart, columns: usize, colour: bool) -> String {
+    let width = |text: &str| text.chars().count();
+    let longest = chart.series.iter().map(|series| width(&series.name)).max().unwrap_or(0);
+    let entries: Vec<String> = (chart.series.iter().enumerate())
+        .map(|(index, series)| {
+            let last = series.points.last().map_or_else(|| "-".to_string(), |point| number(point[1]));
+            let (on, off) =
+                if colour { (code(COLOURS[index % COLOURS.len()]), code(Color::Reset)) } else { ("", "") };
+            format!("{on}\u{2500}\u{2500}{off} {:longest$} {last:>8}", series.name)
+        })
+        .collect();
+    let many = (columns / (longest + 14)).clamp(1, entries.len().max(1));
+    let lines = entries.len().div_ceil(many);
+    let line =
+        |row: usize| entries.iter().skip(row).step_by(lines.max(1)).cloned().collect::<Vec<_>>().join("  ");
+    (0..lines).map(|row| line(row) + "\n").collect()
 }
 
 /// The escape code of a colour.
@@ -70,6 +109,12 @@ fn code(colour: Color) -> &'static str {
         Color::Yellow => "\u{1b}[33m",
         Color::Magenta => "\u{1b}[35m",
         Color::Cyan => "\u{1b}[36m",
+        Color::LightBlue => "\u{1b}[94m",
+        Color::LightRed => "\u{1b}[91m",
+        Color::LightGreen => "\u{1b}[92m",
+        Color::LightYellow => "\u{1b}[93m",
+        Color::LightMagenta => "\u{1b}[95m",
+        Color::LightCyan => "\u{1b}[96m",
         _ => "\u{1b}[0m",
     }
 }
@@ -97,5 +142,33 @@ mod tests {
         assert!(columns.len() > 8, "{text}");
         assert!(columns.first().unwrap() > columns.last().unwrap(), "{text}");
         assert!(text.contains("rise") && text.contains("198") && !text.contains('\u{1b}'), "{text}");
+        assert!(text.starts_with("q; across: time, s\n"), "{text}");
+    }
+
+    #[test]
+    fn every_line_is_named_in_its_colour_however_many_there_are() {
+        let series = |index: usize| Series {
+            name: format!("left_joint_{index}"),
+            points: vec![[0.0, index as f64, 0.0]],
+        };
+        let chart = Chart {
+            title: String::new(),
+            x: "time, s".into(),
+            y: "q".into(),
+            log_x: false,
+            log_y: false,
+            series: (0..31).map(series).collect(),
+        };
+        let text = braille(&chart, (80, 15), true);
+        for index in 0..31 {
+            let named = format!(
+                "{}\u{2500}\u{2500}{} left_joint_{index} ",
+                code(COLOURS[index % 12]),
+                code(Color::Reset)
+            );
+            assert!(text.contains(&named), "{named} of {text}");
+        }
+        let plain = braille(&chart, (80, 15), false);
+        assert!(plain.lines().all(|line| line.chars().count() <= 80), "{plain}");
     }
 }

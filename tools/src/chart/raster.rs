@@ -10,6 +10,8 @@ use super::{Chart, theme};
 const SCALE: f64 = 2.0;
 /// Size of letters: units of the chart per unit of their grid, for 13 px text.
 const LETTER: f64 = 1.45;
+/// Width of a letter of the legend, in units of the chart.
+pub(super) const CHARACTER: f64 = ADVANCE * LETTER;
 const INK: [u8; 3] = [31, 35, 40];
 const GRID: [u8; 3] = [228, 232, 236];
 const FRAME: [u8; 3] = [87, 96, 106];
@@ -141,7 +143,7 @@ fn dashed(line: &[[f64; 2]], dashes: &[f64]) -> Vec<Vec<[f64; 2]>> {
 impl Chart {
     /// The chart as a PNG file: what [`svg`](Self::svg) draws, two dots a unit.
     pub(crate) fn png(&self) -> Vec<u8> {
-        let layout = Layout::of(self);
+        let layout = Layout::of(self, CHARACTER);
         let Layout { left, top, width, height, .. } = layout;
         let (x, y) = (|value| layout.x(value), |value| layout.y(value));
         let mut canvas = Canvas::new(layout.size);

@@ -33,11 +33,11 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// The legend takes as much width as its longest name, and the picture as much height as its lines.
-    pub(super) fn of(chart: &Chart) -> Self {
+    /// The legend takes as much width as its longest name with letters of this width, and the picture as much height as its lines.
+    pub(super) fn of(chart: &Chart, character: f64) -> Self {
         let names: Vec<String> = chart.series.iter().map(|series| shortened(&series.name)).collect();
         let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
-        let legend = if longest == 0 { 16.0 } else { 48.0 + CHARACTER * longest as f64 };
+        let legend = if longest == 0 { 16.0 } else { 48.0 + character * longest as f64 };
         let [left, top, bottom] = MARGIN;
         let height = SIZE[1].max(top + bottom + LINE * names.len() as f64);
         let points = || chart.series.iter().flat_map(|series| &series.points);
@@ -94,7 +94,7 @@ impl Series {
 impl Chart {
     /// The chart as an SVG picture, light or dark as its reader prefers.
     pub(crate) fn svg(&self) -> String {
-        let layout = Layout::of(self);
+        let layout = Layout::of(self, CHARACTER);
         let mut svg = theme::begin(layout.size[0], layout.size[1]);
         svg += &theme::text(layout.left, 24.0, "font-size=\"15\"", &self.title);
         svg += &layout.grid();
@@ -216,11 +216,13 @@ mod tests {
     fn legends_of_long_names_and_of_many_lie_within_the_picture() {
         let long = "left_leg_ankle_pitch_joint of the robot that stands at the far left";
         let names: Vec<&str> = std::iter::repeat_n(long, 40).collect();
-        let layout = Layout::of(&chart(&names, 2));
-        let [x, y] = layout.key(39);
-        assert!(y < layout.size[1] && layout.width > 200.0);
-        assert!(x + 28.0 + CHARACTER * layout.names[0].chars().count() as f64 <= layout.size[0]);
-        assert!(layout.names[0].starts_with("left_leg") && layout.names[0].ends_with("far left"));
+        for character in [CHARACTER, super::super::raster::CHARACTER] {
+            let layout = Layout::of(&chart(&names, 2), character);
+            let [x, y] = layout.key(39);
+            assert!(y < layout.size[1] && layout.width > 200.0, "{character}");
+            assert!(x + 28.0 + character * layout.names[0].chars().count() as f64 <= layout.size[0]);
+            assert!(layout.names[0].starts_with("left_leg") && layout.names[0].ends_with("far left"));
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read as _;
 use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode};
+use std::process::{Child, Command, ExitCode, Stdio};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::Context as _;
@@ -19,6 +19,9 @@ use crate::{complete, overheads, registry, style};
 const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// First argument of the viewer; the order, as JSON, is the second.
 const SERVE: &str = "motorium-view";
+
+/// Most samples of a topic that are sent a second if nothing else is asked for.
+const RATE_HZ: f64 = 60.0;
 
 /// Show a running graph, or a recording: the robot in 3D, plots, parameters, a stop button.
 ///
@@ -38,7 +41,7 @@ pub(crate) struct View {
     #[arg(long, value_name = "PORT", default_value_t = 8765)]
     port: u16,
     /// Most samples of a topic to send a second, in Hz
-    #[arg(long, value_name = "HZ", default_value_t = 60.0, value_parser = rate)]
+    #[arg(long, value_name = "HZ", default_value_t = RATE_HZ, value_parser = rate)]
     rate: f64,
     /// Open the page in a headless browser, compare what it shows with the run, write its picture to this file, and end
     #[arg(long, value_name = "PNG")]
@@ -66,17 +69,22 @@ fn is_recording(path: &Path) -> bool {
     (read.is_ok() && &head == MAGIC) || path.extension().is_some_and(|extension| extension == "mcap")
 }
 
+/// The file of the viewer.
+fn program() -> anyhow::Result<PathBuf> {
+    let sibling = registry::viewer();
+    programs::locate(&sibling).with_context(|| {
+        let name = sibling.program;
+        let install = sibling.install;
+        format!(
+            "`{name}` is neither beside motorium nor on PATH; install it: `{install}`, or build it: `cargo build --release -p {name}`"
+        )
+    })
+}
+
 impl View {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         let began = SystemTime::now().duration_since(UNIX_EPOCH)?;
-        let sibling = registry::viewer();
-        let Some(program) = programs::locate(&sibling) else {
-            let name = sibling.program;
-            anyhow::bail!(
-                "`{name}` is neither beside motorium nor on PATH; install it: `{}`, or build it: `cargo build --release -p {name}`",
-                sibling.install
-            );
-        };
+        let (sibling, program) = (registry::viewer(), program()?);
         if let Err(problem) = programs::kinds(&program) {
             errln!("{}: {problem}", style::error("error"));
             anyhow::bail!(
@@ -118,5 +126,38 @@ impl View {
         // It takes the place of this process, so that signals reach it, and with it the graph that it starts.
         let error = Command::new(&program).args([SERVE, &order.to_string()]).exec();
         Err(error).with_context(|| format!("starting {}", program.display()))
+    }
+}
+
+/// A viewer of a run with a client that looks at everything. It is ended when this is dropped.
+pub(super) struct Watched(Child);
+
+impl Watched {
+    /// Starts it, on a free port.
+    pub(super) fn start(run: &str) -> anyhow::Result<Self> {
+        let program = program()?;
+        let motorium = std::env::current_exe().context("finding this program's own file")?;
+        let order =
+            json!({ "motorium": motorium, "run": run, "port": 0, "rate_hz": RATE_HZ, "watched": true });
+        let mut command = Command::new(&program);
+        command
+            .args([SERVE, &order.to_string()])
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        Ok(Self(command.spawn().with_context(|| format!("starting {}", program.display()))?))
+    }
+
+    /// True if it has not ended by itself.
+    pub(super) fn goes_on(&mut self) -> bool {
+        matches!(self.0.try_wait(), Ok(None))
+    }
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        // It has started nothing that would be left behind.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }

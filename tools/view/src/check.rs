@@ -11,9 +11,11 @@ use motorium::plan::TopicPlan;
 use motorium::run_folder::RunFolder;
 use motorium::state::{Decoder, FieldValue, Number};
 use motorium::transport::Tap;
+use motorium_bridges::png::with_text;
 use serde_json::Value as Json;
 
 use crate::browser::Browser;
+use crate::page_digest;
 
 /// Size of the picture, pixels.
 const SIZE: (u32, u32) = (1280, 860);
@@ -78,10 +80,15 @@ pub(crate) fn check(
     }
     let errors = state["errors"].as_array().map_or(0, Vec::len);
     ensure!(errors == 0, "the page tells of errors: {}", state["errors"]);
-    std::fs::write(picture, browser.picture()?).with_context(|| picture.display().to_string())?;
+    let made = browser.picture()?;
+    let made = with_text(&made, PAGE, &page_digest()).context("the browser has made no PNG file")?;
+    std::fs::write(picture, made).with_context(|| picture.display().to_string())?;
     println!("{}: {} x {} pixels", picture.display(), SIZE.0, SIZE.1);
     Ok(())
 }
+
+/// Keyword of the text in the picture that names the page it is of.
+const PAGE: &str = "page";
 
 /// Expression for the name of the page's renderer.
 const RENDERER: &str = "(() => { const gl = document.createElement('canvas').getContext('webgl2'); \

@@ -6,6 +6,7 @@ use motorium::declare::RobotReference;
 use motorium::plan::{Activation, ClockKind, ComponentPlan, Plan, Program};
 use motorium::schedule::{Overheads, timeline};
 use motorium_bridges::foxglove::{channels, descriptions, robot_of_topic};
+use motorium_bridges::quantities::{entries, quantity};
 use motorium_robots::RobotSource;
 use serde_json::{Value as Json, json};
 
@@ -39,7 +40,7 @@ pub(crate) fn file_of(robot: &RobotReference) -> Option<PathBuf> {
 
 /// Components, topics, parameters and robots of a graph, and the beginning of its predicted timeline.
 pub(crate) fn describe(run: &str, plan: &Plan, overheads: &Overheads) -> Json {
-    let topics = plan.topics.iter().map(|topic| {
+    let topics = plan.topics.iter().enumerate().map(|(place, topic)| {
         let name = |index: &usize| plan.components[*index].name.as_str();
         let readers: Vec<&str> = topic.readers.iter().map(name).collect();
         json!({
@@ -47,6 +48,7 @@ pub(crate) fn describe(run: &str, plan: &Plan, overheads: &Overheads) -> Json {
             "type": topic.layout.type_name,
             "writer": plan.components[topic.writer].name,
             "readers": readers,
+            "fields": fields(plan, place),
         })
     });
     let latencies = plan.latencies.iter().map(|latency| {
@@ -65,6 +67,26 @@ pub(crate) fn describe(run: &str, plan: &Plan, overheads: &Overheads) -> Json {
         "robots": drawn(plan),
         "timeline": predicted,
     })
+}
+
+/// Units of the fields of a topic, and names of the entries of their arrays, where there are any. Names of joints, which all
+/// fields of such a topic share, stand once, for the field `""`.
+fn fields(plan: &Plan, topic: usize) -> Json {
+    let layout = &plan.topics[topic].layout;
+    let mut told = serde_json::Map::new();
+    let names = |field: &str| entries(plan, topic, field);
+    if layout.type_name.starts_with("motorium.Joint") {
+        told.insert(String::new(), json!({ "unit": "", "entries": names("") }));
+    }
+    let of_joints = !told.is_empty();
+    for field in &layout.fields {
+        let unit = quantity(&layout.type_name, &field.name).map_or("", |quantity| quantity.unit);
+        let entries = if of_joints { Vec::new() } else { names(&field.name) };
+        if !unit.is_empty() || !entries.is_empty() {
+            told.insert(field.name.clone(), json!({ "unit": unit, "entries": entries }));
+        }
+    }
+    Json::Object(told)
 }
 
 fn component(plan: &Plan, component: &ComponentPlan) -> Json {

@@ -14,6 +14,7 @@
 //! | `playback` | a recording in place of a run |
 //! | `channels`, `graph`, `world` | what is told of a graph and its topics |
 //! | `children`, `cores` | commands of `motorium` that it starts; keeping off the real-time cores |
+//! | `watch` | a client that looks at everything, for measurements |
 //! | `browser`, `check` | a look at the page in a headless browser |
 
 mod ask;
@@ -32,6 +33,7 @@ mod playback;
 mod request;
 mod rights;
 mod server;
+mod watch;
 mod world;
 
 use std::process::ExitCode;
@@ -42,6 +44,7 @@ use anyhow::Context as _;
 use motorium::program::{Program, list};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
+pub use front::page_digest;
 pub use request::{Request, SERVE};
 
 /// The whole program.
@@ -108,6 +111,14 @@ fn serve(request: Request) -> anyhow::Result<ExitCode> {
             }))
         }
     };
+    if request.watched {
+        let over = over.clone();
+        std::thread::spawn(move || {
+            if let Err(error) = watch::watch(port, &over) {
+                eprintln!("the client that looks at everything has left: {error:#}");
+            }
+        });
+    }
     let followed = match (&recording, &player) {
         (Some(recording), Some(player)) => {
             playback::play(&request, recording, &server, player, &asks, [&over, &interrupted])

@@ -42,6 +42,9 @@ pub struct Request {
     /// File for a picture of the page, made by a headless browser that also checks it; `None` to serve.
     #[serde(default)]
     pub headless_check: Option<PathBuf>,
+    /// True if a client of the viewer's own looks at everything that it serves, as measurements of its cost need it.
+    #[serde(default)]
+    pub watched: bool,
     /// Overheads of this machine, for the predicted timeline; `None` for the cautious ones.
     #[serde(default)]
     pub overheads: Option<Overheads>,

@@ -1,13 +1,15 @@
 //! The ground and the objects of a graph's world, as a scene for viewers.
 
+use std::path::Path;
+
 use foxglove::messages::{
-    Color, CubePrimitive, CylinderPrimitive, Pose, Quaternion, SceneEntity, SceneUpdate, SpherePrimitive,
-    Vector3,
+    Color, CubePrimitive, CylinderPrimitive, Point3, Pose, Quaternion, SceneEntity, SceneUpdate,
+    SpherePrimitive, TriangleListPrimitive, Vector3,
 };
 use foxglove::{Encode as _, Schema};
 use motorium::plan::Plan;
 use motorium::state::{ObjectPoses, StateBuffer as _};
-use motorium_robots::{BasePose, Colour, Ground, Object, ObjectShape, World};
+use motorium_robots::{BasePose, Colour, HeightField, Object, ObjectShape, World};
 use serde::Deserialize;
 
 /// The frame in which robots and objects stand.
@@ -19,20 +21,30 @@ const FIXED: Color = Color { r: 0.55, g: 0.58, b: 0.62, a: 1.0 };
 const FREE: Color = Color { r: 0.85, g: 0.55, b: 0.2, a: 1.0 };
 const EARTH: Color = Color { r: 0.8, g: 0.82, b: 0.84, a: 0.6 };
 
-/// The world of a plan as a scene: schema and message. `None` if it has none, or none that can be drawn.
+/// Points of a drawn terrain, at most about.
+const TERRAIN_POINTS: f64 = 15_000.0;
+
+/// The world of a plan as a scene: schema and message. `None` if it has none.
 ///
 /// An object that moves stands in a frame of its own, of its name, if a topic tells where it is.
 pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     let configs = plan.components.iter().map(|component| &component.config["world"]);
-    let world = configs.filter(|world| world.is_object()).find_map(|world| World::deserialize(world).ok())?;
+    let mut world =
+        configs.filter(|world| world.is_object()).find_map(|world| World::deserialize(world).ok())?;
+    world.locate(plan.file.parent().unwrap_or(Path::new(".")));
     let told = plan.topics.iter().any(|topic| topic.layout.type_name == ObjectPoses::NAME);
     let mut entities: Vec<SceneEntity> = world
         .objects
         .iter()
         .map(|object| entity(object, world.appearance.colours.get(&object.name), told))
         .collect();
-    if let Some(Ground { height, .. }) = world.ground {
-        let position = [0.0, 0.0, height - 0.5 * PLANE[2]];
+    // What its files hold may have changed since the graph began.
+    if let Ok(Some(field)) = world.height_field() {
+        let stated = ["terrain", "ground"].iter().find_map(|name| world.appearance.colours.get(*name));
+        entities.push(terrain(&field, stated));
+    }
+    if let Some(ground) = world.ground {
+        let position = [0.0, 0.0, ground.height - 0.5 * PLANE[2]];
         let cube =
             CubePrimitive { pose: pose(position, [0.0; 3]), size: Some(vector(PLANE)), color: Some(EARTH) };
         entities.push(SceneEntity {
@@ -48,6 +60,40 @@ pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     Some((SceneUpdate::get_schema()?, message))
 }
 
+/// A terrain as triangles, coarser than it is where it has very many heights.
+fn terrain(field: &HeightField, colour: Option<&Colour>) -> SceneEntity {
+    let (corner, counts) = field.grid();
+    let lengths = counts.map(|count| (count.max(2) - 1) as f64 * field.spacing());
+    let step = field.spacing().max((lengths[0] * lengths[1] / TERRAIN_POINTS).sqrt());
+    let many = lengths.map(|length| (length / step).round().max(1.0) as usize);
+    let along = |axis: usize, at: usize| corner[axis] + lengths[axis] * at as f64 / many[axis] as f64;
+    let points = (0..=many[1]).flat_map(|row| (0..=many[0]).map(move |column| (column, row)));
+    let points = points.map(|(column, row)| {
+        let (x, y) = (along(0, column), along(1, row));
+        Point3 { x, y, z: field.height(x, y) }
+    });
+    let point = |column: usize, row: usize| (row * (many[0] + 1) + column) as u32;
+    let squares = (0..many[1]).flat_map(|row| (0..many[0]).map(move |column| (column, row)));
+    let indices = squares.flat_map(|(column, row)| {
+        let [a, b] = [point(column, row), point(column + 1, row)];
+        let [c, d] = [point(column, row + 1), point(column + 1, row + 1)];
+        [a, b, d, a, d, c]
+    });
+    let triangles = TriangleListPrimitive {
+        pose: pose([0.0; 3], [0.0; 3]),
+        points: points.collect(),
+        color: colour.map(opaque).or(Some(FIXED)),
+        colors: Vec::new(),
+        indices: indices.collect(),
+    };
+    SceneEntity {
+        frame_id: WORLD.to_string(),
+        id: "terrain".to_string(),
+        triangles: vec![triangles],
+        ..SceneEntity::default()
+    }
+}
+
 /// An object, in the colour that the world gives it.
 fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
     let moves = object.mass.is_some();
@@ -55,7 +101,7 @@ fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
     let (position, rpy) = if of_its_own { ([0.0; 3], [0.0; 3]) } else { (object.position, object.rpy) };
     let pose = pose(position, rpy);
     let color = match colour {
-        Some([r, g, b]) => Some(Color { r: *r, g: *g, b: *b, a: 1.0 }),
+        Some(stated) => Some(opaque(stated)),
         None => Some(if moves { FREE } else { FIXED }),
     };
     let mut entity = SceneEntity {
@@ -96,6 +142,10 @@ fn moved(position: [f64; 3], rpy: [f64; 3], z: f64) -> Option<Pose> {
     pose((from.translation.vector + from.rotation * shift).into(), rpy)
 }
 
+fn opaque([r, g, b]: &Colour) -> Color {
+    Color { r: *r, g: *g, b: *b, a: 1.0 }
+}
+
 fn vector([x, y, z]: [f64; 3]) -> Vector3 {
     Vector3 { x, y, z }
 }
@@ -124,6 +174,26 @@ mod tests {
         let ends: Vec<f64> = drawn.spheres.iter().map(|end| end.pose.unwrap().position.unwrap().x).collect();
         assert!((ends[0] - 0.7).abs() < 1e-12 && (ends[1] - 1.3).abs() < 1e-12, "{ends:?}");
         assert_eq!(drawn.cylinders[0].size.unwrap().z, 0.6);
+    }
+
+    #[test]
+    fn a_terrain_is_drawn_where_it_is_and_no_finer_than_is_of_use() {
+        let text = r#"{"size": [12, 6], "centre": [4, 0], "spacing": 0.02, "layers": [{"slope": {"angle": 0.1, "from": 1}}]}"#;
+        let field = serde_json::from_str::<motorium_robots::Terrain>(text).unwrap().height_field().unwrap();
+        let drawn = terrain(&field, None);
+        let TriangleListPrimitive { points, indices, .. } = &drawn.triangles[0];
+        assert!((10_000..20_000).contains(&points.len()), "{}", points.len());
+        for point in points {
+            assert!((-2.0..=10.0).contains(&point.x) && (-3.0..=3.0).contains(&point.y), "{point:?}");
+            assert!((point.z - field.height(point.x, point.y)).abs() < 1e-12);
+        }
+        // Two triangles a square, all of them seen from above.
+        for corners in indices.as_chunks::<3>().0 {
+            let [a, b, c] = corners.map(|index| &points[index as usize]);
+            assert!((b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x) > 0.0);
+        }
+        let area: f64 = (points.last().unwrap().x - points[0].x) * (points.last().unwrap().y - points[0].y);
+        assert!((area - 72.0).abs() < 1.0, "{area}");
     }
 
     #[test]

@@ -51,7 +51,7 @@ pub use derived::{Derived, DerivedError};
 pub use drawn::{Drawing, DrawnError, log};
 pub use pictures::PictureError;
 pub(crate) use robots::load as load_robot;
-pub use robots::{Description, RobotFrames, descriptions, robot_of_topic};
+pub use robots::{Description, RobotFrames, descriptions, joints_of_topic, robot_of_topic};
 
 /// The schema of the messages of a channel.
 ///

@@ -134,6 +134,18 @@ fn robot_of<'p>(
     component.robots.iter().find(|known| known.name == robot)
 }
 
+/// The names of the joints to which the arrays of a topic belong: those of the robot of its writer, else of a reader, then its
+/// rotors. `None` where neither has one, or its file is no longer what it was.
+pub fn joints_of_topic(plan: &Plan, index: usize) -> Option<Vec<String>> {
+    robot_of_topic(plan, index).and_then(|robot| load(robot).ok()).map(|loaded| joint_names(&loaded))
+}
+
+/// Names of the joints of a robot, then of its rotors, in the order of the arrays of joint states and commands.
+fn joint_names(loaded: &Loaded) -> Vec<String> {
+    let rotors = loaded.profile.iter().flat_map(|profile| profile.rotors.keys());
+    loaded.model.joint_names().iter().chain(rotors).cloned().collect()
+}
+
 /// The poses of all links of a robot, by our kinematics.
 ///
 /// ```
@@ -190,8 +202,7 @@ impl RobotFrames {
 
     /// Names of its joints, then of its rotors, in the order of the arrays of joint states and commands.
     pub fn joint_names(&self) -> Vec<String> {
-        let rotors = self.loaded.profile.iter().flat_map(|profile| profile.rotors.keys());
-        self.loaded.model.joint_names().iter().chain(rotors).cloned().collect()
+        joint_names(&self.loaded)
     }
 
     /// The name of the frame of its root link.

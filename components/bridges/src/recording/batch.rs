@@ -7,11 +7,13 @@ use motorium::state::Stamp;
 
 use super::file::Writer;
 
-/// Messages that were read and not yet written: in the order of their times in the file.
+/// Messages that were read and not yet written.
 #[derive(Default)]
 pub(super) struct Batch {
-    pub(super) bytes: Vec<u8>,
-    pub(super) messages: Vec<Message>,
+    bytes: Vec<u8>,
+    messages: Vec<Message>,
+    /// An error was told in the run meanwhile.
+    pub(super) has_failed: bool,
 }
 
 /// A message, as a part of the bytes of its batch.
@@ -20,8 +22,8 @@ pub(super) struct Message {
     publish_ns: u64,
     sequence: u64,
     channel: u16,
-    pub(super) start: usize,
-    pub(super) end: usize,
+    start: usize,
+    end: usize,
 }
 
 impl Message {
@@ -45,6 +47,36 @@ impl Batch {
             let (publish_ns, sequence) = (time_ns, stamp.sequence);
             self.messages.push(Message { time_ns, publish_ns, sequence, channel, start, end });
         }
+    }
+}
+
+impl Batch {
+    /// True if there is nothing to write.
+    pub(super) fn is_empty(&self) -> bool {
+        self.messages.is_empty() && !self.has_failed
+    }
+
+    /// Bytes of its messages.
+    pub(super) fn len(&self) -> usize {
+        self.bytes.len()
+    }
+
+    /// Writes its messages in the order of their times, to the file, or into a ring if there is one; it is empty then.
+    pub(super) fn write(
+        &mut self,
+        writer: &mut Writer,
+        mut ring: Option<&mut Ring>,
+    ) -> Result<(), McapError> {
+        self.messages.sort_by_key(|message| message.time_ns);
+        for message in self.messages.drain(..) {
+            let data = &self.bytes[message.start..message.end];
+            match &mut ring {
+                Some(ring) => ring.push(message, data),
+                None => message.write(data, writer)?,
+            }
+        }
+        self.bytes.clear();
+        Ok(())
     }
 }
 

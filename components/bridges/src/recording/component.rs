@@ -1,28 +1,25 @@
 //! `log.record`: records every sample of chosen topics into an MCAP file.
 //!
-//! In real time a thread at normal priority reads the topics by taps, on the shared cores: the steps of the component do
-//! nothing, and the writers of the topics do not know of it. In lockstep, where time waits, the steps record, so that nothing
+//! In real time a thread reads the topics by taps, on the shared cores and below all real-time priorities, and another one
+//! writes the file: the steps of the component do nothing, and the writers of the topics do not know of it. In lockstep, where time waits, the steps record, so that nothing
 //! is lost however fast it passes.
 //!
 //! An error that ends a recording, such as a full disk, does not end the run.
 
-use std::fs::File;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use motorium::component::StopRequest;
 use motorium::declare::{ClockKind, Taps};
 use motorium::prelude::*;
 use motorium::telemetry::set_apart;
 use motorium::units::TimeSpan;
 
 use super::recorder::{Counts, RecordError, Recorder, Settings};
+use super::threads;
 
-/// Time between two looks at the topics, at most; a quarter of what the taps bridge.
+/// Time between two looks at the topics, at most a quarter of what the taps bridge.
 const POLL: Duration = Duration::from_millis(5);
-/// Time between two requests to the system to bring the file to the disk.
-const SYNC_EVERY: Duration = Duration::from_millis(500);
 
 /// Configuration of `log.record`.
 ///
@@ -86,8 +83,10 @@ pub struct Record {
 
 /// Totals of a recording so far.
 #[derive(Debug, Clone, Default)]
-struct Outcome {
-    counts: Counts,
+pub(super) struct Outcome {
+    pub(super) counts: Counts,
+    /// Processor time of the threads that read and write, ns; none in lockstep.
+    pub(super) cpu_ns: [Option<u64>; 2],
     /// The reason for which it ended before the run.
     ended: Option<String>,
 }
@@ -142,21 +141,26 @@ impl Component for Record {
         }
         let poll = POLL.min(Duration::from(config.bridges) / 4);
         let (sender, receiver) = crossbeam_channel::bounded(1);
+        let (reading, writing) = threads::link();
         let told = outcome.clone();
         setup.helper("recorder", move |stop| {
             // The taps belong to the thread that opens them.
             match Recorder::open(observer, settings) {
                 Ok((recorder, file)) => {
-                    let _ = sender.send(Ok(file));
-                    record(recorder, stop, poll, &told);
+                    let (readers, sink) = recorder.split();
+                    let _ = sender.send(Ok((sink, file)));
+                    threads::read(readers, reading, stop, poll, &told);
                 }
                 Err(error) => drop(sender.send(Err(error))),
             }
         })?;
         let opened =
             receiver.recv().map_err(|_| ConfigureError::failed("its recorder ended before it began"))?;
-        let file = opened.map_err(ConfigureError::failed)?;
-        setup.helper("sync", move |stop| sync(&file, stop))?;
+        let (sink, file) = opened.map_err(ConfigureError::failed)?;
+        let told = outcome.clone();
+        // It ends when the other one has, whatever is left to write.
+        setup.helper("writer", move |_| threads::write(sink, &writing, &told))?;
+        setup.helper("sync", move |stop| threads::sync(&file, stop))?;
         Ok(Self { output, recorder: None, outcome })
     }
 
@@ -178,12 +182,14 @@ impl Component for Record {
     }
 
     fn result(&self) -> Option<serde_json::Value> {
-        let Outcome { counts, ended } = self.outcome.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let Outcome { counts, cpu_ns, ended } =
+            self.outcome.lock().unwrap_or_else(PoisonError::into_inner).clone();
         Some(serde_json::json!({
             "file": self.output,
             "samples": counts.samples,
             "lost": counts.lost,
             "bytes": counts.bytes,
+            "cpu_s": cpu_ns[0].zip(cpu_ns[1]).map(|(reading, writing)| (reading + writing) as f64 * 1e-9),
             "ended": ended,
         }))
     }
@@ -202,7 +208,7 @@ impl Record {
 }
 
 /// Notes what has come of a recording, and tells if it ended before the run.
-fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Result<Counts, RecordError>) {
+pub(super) fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Result<Counts, RecordError>) {
     let mut outcome = outcome.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(counts) = counts {
         outcome.counts = counts;
@@ -215,29 +221,5 @@ fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Result<Counts, 
             );
             outcome.ended = Some(error.to_string());
         }
-    }
-}
-
-/// Records until the component has stopped.
-fn record(mut recorder: Recorder, stop: &StopRequest, poll: Duration, outcome: &Mutex<Outcome>) {
-    loop {
-        let last_round = stop.wait(poll);
-        let drained = recorder.drain();
-        let counts = recorder.counts();
-        outcome.lock().unwrap_or_else(PoisonError::into_inner).counts = counts;
-        if let Err(error) = drained {
-            return note(outcome, Some(counts), Err(error));
-        }
-        if last_round {
-            return note(outcome, Some(counts), recorder.finish());
-        }
-    }
-}
-
-/// Brings what was written to the disk, twice a second.
-fn sync(file: &File, stop: &StopRequest) {
-    while !stop.wait(SYNC_EVERY) {
-        // What cannot be brought to the disk the writer finds out.
-        let _ = file.sync_data();
     }
 }

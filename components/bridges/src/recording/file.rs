@@ -100,12 +100,12 @@ impl Writer {
         self.mcap.write_metadata(&Metadata { name: name.to_string(), metadata: values })
     }
 
-    /// Hands what was added to the system, if the last time was half a second ago. True if it did.
-    pub(super) fn flush_if_due(&mut self) -> Result<bool, McapError> {
+    /// Hands what was added to the system, if the last time was half a second ago.
+    pub(super) fn flush_if_due(&mut self) -> Result<(), McapError> {
         if self.flushed.elapsed() < FLUSH_EVERY {
-            return Ok(false);
+            return Ok(());
         }
-        self.flush().map(|()| true)
+        self.flush()
     }
 
     /// Hands what was added to the system.

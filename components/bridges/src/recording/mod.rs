@@ -31,8 +31,11 @@ mod replaced;
 mod replay;
 mod score;
 mod signals;
+mod sink;
 mod spans;
 mod table;
+mod taps;
+mod threads;
 mod verify;
 
 pub use analysis::{Analysis, EventLine, TopicAnalysis, Tracking, analyse, quantile};

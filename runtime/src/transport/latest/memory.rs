@@ -178,6 +178,8 @@ impl TopicMemory {
         {
             return Err(refuse(&"it was made by another version of motorium, or for another type"));
         }
+        // There is memory for all of it: a system that maps it page by page, as they are used, does no harm but page faults.
+        let _ = memory.reserve();
         Ok(memory)
     }
 

@@ -15,6 +15,7 @@ use serde_json::json;
 
 use crate::commands::loading::{DEFAULT_GRAPH, GraphArgs};
 use crate::commands::recording::Overlay;
+use crate::commands::view::Watched;
 use crate::metrics::Sample;
 use crate::out::{errln, outln};
 use crate::runs::RunArg;
@@ -22,7 +23,8 @@ use crate::{registry, report};
 
 /// Run a graph with a recorder of all topics and without, in turns, and compare its times.
 ///
-/// Each turn is a run without and one with `--record`, in real time. Prints, of each latency of the graph and of the execution time
+/// Each turn is a run without and one with `--record`, in real time. With `--view` that one is looked at, too: by `motorium view`
+/// with a client that has subscribed to every channel. Prints, of each latency of the graph and of the execution time
 /// of each component, the medians of the turns and the ratio with / without, with the least and the greatest ratio of any turn:
 /// where these lie on both sides of 1, the recorder's cost is below the noise. Run it on a machine that does nothing else.
 ///
@@ -38,6 +40,9 @@ pub(crate) struct Recording {
     /// Duration of each run
     #[arg(long = "for", value_name = "TIME", default_value = "4 s")]
     duration: TimeSpan,
+    /// Also look at the runs that are recorded, at everything, through `motorium view`
+    #[arg(long)]
+    view: bool,
     /// Print all of it as JSON
     #[arg(long)]
     json: bool,
@@ -45,6 +50,15 @@ pub(crate) struct Recording {
 
 /// The quantiles that are compared.
 const QUANTILES: [(&str, f64); 2] = [("p50", 0.5), ("p99", 0.99)];
+
+/// The cost of the recorder in all turns.
+#[derive(Default)]
+struct Cost {
+    /// Samples that were overwritten before it read them.
+    lost: u64,
+    /// Processor time, s.
+    cpu_s: f64,
+}
 
 /// The times of one quantity in each turn, ns.
 struct Row {
@@ -59,13 +73,13 @@ impl Recording {
         std::fs::create_dir(&folder).with_context(|| folder.display().to_string())?;
         let measured = self.measure(&folder.join("run.mcap"));
         let _ = std::fs::remove_dir_all(&folder);
-        let (rows, lost) = match measured? {
+        let (rows, Cost { lost, cpu_s }) = match measured? {
             Ok(measured) => measured,
             Err(code) => return Ok(code),
         };
         if self.json {
             let rows = rows.iter().map(Row::json);
-            let all = json!({ "turns": self.turns, "lost": lost, "times": rows.collect::<Vec<_>>() });
+            let all = json!({ "turns": self.turns, "view": self.view, "lost": lost, "cpu_s": cpu_s, "times": rows.collect::<Vec<_>>() });
             outln!("{}", serde_json::to_string_pretty(&all)?);
             return Ok(ExitCode::SUCCESS);
         }
@@ -78,12 +92,18 @@ impl Recording {
         }
         shown.column_iter_mut().skip(1).for_each(|column| column.set_cell_alignment(CellAlignment::Right));
         outln!("{shown}");
-        outln!("{} turns of {} each; {lost} samples lost", self.turns, self.duration);
+        let recorded_s = f64::from(self.turns) * Duration::from(self.duration).as_secs_f64();
+        outln!(
+            "{} turns of {} each; {lost} samples lost; the recorder takes {:.2} % of a core",
+            self.turns,
+            self.duration,
+            100.0 * cpu_s / recorded_s
+        );
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The times of all turns, and the samples that the recorder has lost; or an exit code if the graph is none.
-    fn measure(&self, file: &Path) -> anyhow::Result<Result<(Vec<Row>, u64), ExitCode>> {
+    /// The times of all turns, and the cost of the recorder; or an exit code if the graph is none.
+    fn measure(&self, file: &Path) -> anyhow::Result<Result<(Vec<Row>, Cost), ExitCode>> {
         let overlay = Overlay::recording(file, None)?;
         let mut plans = Vec::new();
         for with in [Vec::new(), vec![overlay.path().to_path_buf()]] {
@@ -98,11 +118,11 @@ impl Recording {
             plans[0].clock == ClockKind::Realtime,
             "{name} has the clock \"lockstep\", in which no time is measured: choose a graph with `clock = \"realtime\"`"
         );
-        let (mut rows, mut lost): (Vec<Row>, u64) = (Vec::new(), 0);
+        let (mut rows, mut cost): (Vec<Row>, Cost) = (Vec::new(), Cost::default());
         for turn in 0..self.turns {
             // Whichever comes second may find the machine warmer: they change places.
             for with in if turn % 2 == 0 { [0, 1] } else { [1, 0] } {
-                let times = self.once(plans[with].clone(), &mut lost)?;
+                let times = self.once(plans[with].clone(), self.view && with == 1, &mut cost)?;
                 for (name, snapshot) in times {
                     let row = match rows.iter().position(|row| row.name == name) {
                         Some(row) => row,
@@ -122,16 +142,20 @@ impl Recording {
         }
         // The recorder itself has no other side.
         rows.retain(|row| row.times[0].iter().all(|turns| !turns.is_empty()));
-        Ok(Ok((rows, lost)))
+        Ok(Ok((rows, cost)))
     }
 
     /// The latencies and the execution times of one run.
-    fn once(&self, mut plan: Plan, lost: &mut u64) -> anyhow::Result<Vec<(String, Snapshot)>> {
+    fn once(&self, mut plan: Plan, viewed: bool, cost: &mut Cost) -> anyhow::Result<Vec<(String, Snapshot)>> {
         plan.expectations.clear();
         plan.duration_ns = None;
         let mut session =
             Session::launch(plan, &registry::registry(), &Options::processes(std::env::current_exe()?))?;
+        let mut viewer = viewed.then(|| Watched::start(session.id())).transpose()?;
         session.step_until(Duration::from(self.duration))?;
+        let is_viewed = viewer.as_mut().is_none_or(Watched::goes_on);
+        anyhow::ensure!(is_viewed, "the viewer has ended before the run");
+        drop(viewer);
         let run = RunArg::named(Some(session.id())).open()?;
         let Sample { latencies, components, .. } = Sample::take(&run);
         let name = |topic: usize| run.plan.topics[topic].name.clone();
@@ -148,7 +172,8 @@ impl Recording {
         if let Exit::SafeStop { reason } = &ended.exit {
             anyhow::bail!("{}: safe stop: {reason}", self.graph.display());
         }
-        *lost += ended.results.values().filter_map(|result| result["lost"].as_u64()).sum::<u64>();
+        cost.lost += ended.results.values().filter_map(|result| result["lost"].as_u64()).sum::<u64>();
+        cost.cpu_s += ended.results.values().filter_map(|result| result["cpu_s"].as_f64()).sum::<f64>();
         Ok(times)
     }
 }

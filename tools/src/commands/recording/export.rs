@@ -8,12 +8,12 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium::declare::Taps;
 use motorium::plan::Plan;
+use motorium_bridges::foxglove::joints_of_topic;
 use motorium_bridges::recording::{
     Camera, Dataset, Recording, Signal, usual_cameras, usual_signals, write_csv, write_lerobot, write_parquet,
 };
 
 use crate::out::outln;
-use crate::robots;
 
 /// Write a recording as tables, one for each topic, or as a dataset of LeRobot.
 ///
@@ -170,7 +170,7 @@ fn names(recording: &Recording, plan: &Plan, signals: &[Signal]) -> Vec<String> 
         let index = plan.topics.iter().position(|known| known.name == signal.topic)?;
         let field = signal.field.as_ref()?;
         let joints = topic.layout.type_name.starts_with("motorium.Joint");
-        let joints = joints.then(|| robots::joints_of_topic(plan, index)).flatten()?;
+        let joints = joints.then(|| joints_of_topic(plan, index)).flatten()?;
         let entries = signal.entries.clone().unwrap_or(0..joints.len());
         let chosen = joints.get(entries.start..entries.end.min(joints.len()))?;
         Some(chosen.iter().map(|joint| format!("{joint}.{field}")).collect::<Vec<_>>())

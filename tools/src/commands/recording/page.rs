@@ -6,13 +6,13 @@ use std::process::ExitCode;
 
 use anyhow::Context as _;
 use motorium::plan::Plan;
+use motorium_bridges::foxglove::joints_of_topic;
 use motorium_bridges::recording::{Analysis, Recording, TopicAnalysis, Tracking, analyse, quantile};
 
 use crate::chart::{Chart, Series};
 use crate::draw::{self, Measured, escape};
 use crate::out::errln;
 use crate::report::microseconds;
-use crate::robots;
 
 /// Bars of a histogram.
 const BARS: usize = 40;
@@ -53,11 +53,14 @@ impl Report {
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1f2328}\
 table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #d0d7de;text-align:left}\
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}h2{margin-top:2em}svg{max-width:100%;height:auto}\
-.error{color:#d1242f}.warning{color:#9a6700}.dim{color:#57606a}";
+.error{color:#d1242f}.warning{color:#9a6700}.dim{color:#57606a}.wide{overflow-x:auto}\
+@media(prefers-color-scheme:dark){body{background:#0d1117;color:#e6edf3}td,th{border-color:#30363d}\
+.error{color:#ff7b72}.warning{color:#e3b341}.dim{color:#9da7b3}}";
 
 fn page(recording: &Recording, plan: &Plan, analysis: &Analysis) -> String {
     let mut html = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head><meta charset=\"utf-8\"><title>{0}</title><style>{STYLE}</style>\
+        "<!doctype html>\n<html lang=\"en\">\n<head><meta charset=\"utf-8\"><meta name=\"color-scheme\" content=\"light dark\">\
+         <meta name=\"viewport\" content=\"width=device-width\"><title>{0}</title><style>{STYLE}</style>\
          </head>\n<body>\n<h1>{0}</h1>\n",
         escape(&plan.name)
     );
@@ -104,15 +107,17 @@ fn measured(plan: &Plan, analysis: &Analysis) -> Measured {
     let of = |index: usize| analysis.topics.iter().find(|topic| topic.name == plan.topics[index].name);
     let latency = |topic: &TopicAnalysis| {
         let at = |part| microseconds(quantile(&topic.latency_ns, part));
-        (topic.samples > 0).then(|| format!("latency p50 {} / p99 {} us", at(0.5), at(0.99)))
+        is_timed(&topic.latency_ns).then(|| format!("latency p50 {} / p99 {} us", at(0.5), at(0.99)))
     };
     let rate = |component: usize| {
         let topics = plan.topics.iter().enumerate().filter(|(_, topic)| topic.writer == component);
-        let samples = topics.filter_map(|(index, _)| of(index)).map(|topic| topic.samples).max()?;
-        (analysis.duration_s > 0.0).then(|| format!("{:.1} Hz", samples as f64 / analysis.duration_s))
+        let most = topics.filter_map(|(index, _)| of(index)).max_by_key(|topic| topic.samples)?;
+        let intervals = &most.interval_ns;
+        let mean_ns = intervals.iter().sum::<u64>() as f64 / intervals.len() as f64;
+        (mean_ns > 0.0).then(|| format!("{:.1} Hz", 1e9 / mean_ns))
     };
     let budget = |budget: &motorium::plan::LatencyPlan| {
-        let topic = of(budget.to)?;
+        let topic = of(budget.to).filter(|topic| is_timed(&topic.latency_ns))?;
         let missed = topic.latency_ns.iter().filter(|latency| **latency > budget.max_ns).count();
         let p99 = microseconds(quantile(&topic.latency_ns, 0.99));
         Some(format!("p99 {p99} us, {missed} missed"))
@@ -122,6 +127,11 @@ fn measured(plan: &Plan, analysis: &Analysis) -> Measured {
         topics: (0..plan.topics.len()).map(|index| of(index).and_then(latency)).collect(),
         latencies: plan.latencies.iter().map(budget).collect(),
     }
+}
+
+/// True if latencies were measured: in lockstep, where time stands still, all of them are 0.
+fn is_timed(latencies: &[u64]) -> bool {
+    latencies.iter().any(|latency| *latency > 0)
 }
 
 fn topics(html: &mut String, analysis: &Analysis) {
@@ -144,7 +154,7 @@ fn topics(html: &mut String, analysis: &Analysis) {
             topic.samples,
             topic.gaps,
             three(&topic.interval_ns),
-            three(&topic.latency_ns)
+            if is_timed(&topic.latency_ns) { three(&topic.latency_ns) } else { "-".to_string() }
         );
     }
     html.push_str("</table>\n");
@@ -207,7 +217,7 @@ fn misses(html: &mut String, analysis: &Analysis) {
 fn tracking(html: &mut String, plan: &Plan, analysis: &Analysis) {
     for Tracking { command, state, joints } in &analysis.tracking {
         let index = plan.topics.iter().position(|topic| topic.name == *state);
-        let names = index.and_then(|index| robots::joints_of_topic(plan, index)).unwrap_or_default();
+        let names = index.and_then(|index| joints_of_topic(plan, index)).unwrap_or_default();
         let _ = writeln!(
             html,
             "<h2>Tracking: {} after {}</h2>\n<table>\n<tr><th>joint</th><th class=n>root mean square, rad or m</th>\

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
+use motorium_bridges::quantities::{entries, quantity};
 use motorium_bridges::recording::{Curve, Recording, Signal, curves};
 
 use crate::chart::{Chart, Series, braille};
 use crate::out::{errln, out};
-use crate::robots;
 
 /// Most points of a curve in a picture: more than it has columns.
 const POINTS: usize = 2000;
@@ -49,7 +49,7 @@ impl Plot {
         curves.retain(|curve| !curve.points.is_empty());
         anyhow::ensure!(!curves.is_empty(), "no sample of these signals lies in this time");
         let series = curves.iter().map(|curve| Series {
-            name: label(&recording, curve, self.signals.len() > 1),
+            name: label(&recording, curve, &self.signals),
             points: curve.thinned(POINTS).into_iter().map(|(time, value)| [time, value, 0.0]).collect(),
         });
         let titles: Vec<String> = self.signals.iter().map(title).collect();
@@ -83,21 +83,20 @@ impl Plot {
     }
 }
 
-/// The name of the values, with their unit where it is known: where all signals are one field of joint messages.
+/// The name of the values, with their unit where it is known: where all signals are one field of one quantity.
 fn values(recording: &Recording, signals: &[Signal]) -> String {
-    let field = signals[0].field.as_deref();
-    if signals.iter().any(|signal| signal.field.as_deref() != field) {
+    let Some(field) = signals[0].field.as_deref() else { return String::new() };
+    let unit = |signal: &Signal| {
+        let topic = &recording.topics()[recording.topic(&signal.topic)?];
+        quantity(&topic.layout.type_name, signal.field.as_deref()?).map(|quantity| quantity.unit)
+    };
+    let first = unit(&signals[0]);
+    if signals.iter().any(|signal| signal.field.as_deref() != Some(field) || unit(signal) != first) {
         return String::new();
     }
-    let of_joints = |signal: &Signal| {
-        let index = recording.topic(&signal.topic);
-        index.is_some_and(|index| recording.topics()[index].layout.type_name.starts_with("motorium.Joint"))
-    };
-    match field {
-        Some("position" | "q") if signals.iter().all(of_joints) => "position, rad or m".to_string(),
-        Some("velocity" | "v") if signals.iter().all(of_joints) => "velocity, rad/s or m/s".to_string(),
-        Some("effort" | "tau") if signals.iter().all(of_joints) => "effort, N m or N".to_string(),
-        other => other.unwrap_or_default().to_string(),
+    match first {
+        Some(unit) if !unit.is_empty() => format!("{field}, {unit}"),
+        _ => field.to_string(),
     }
 }
 
@@ -108,20 +107,21 @@ fn title(signal: &Signal) -> String {
     }
 }
 
-/// The name of a curve: of a joint its own.
-fn label(recording: &Recording, curve: &Curve, several: bool) -> String {
-    let (topic, _) = curve.name.split_once('.').unwrap_or((&curve.name, ""));
-    let of_joints = recording
-        .topic(topic)
-        .is_some_and(|index| recording.topics()[index].layout.type_name.starts_with("motorium.Joint"));
-    let joint = curve.entry.filter(|_| of_joints && !several).and_then(|entry| {
+/// The name of a curve: that of its joint or axis, behind its field where several fields are drawn.
+fn label(recording: &Recording, curve: &Curve, signals: &[Signal]) -> String {
+    let (topic, field) = curve.name.split_once('.').unwrap_or((&curve.name, ""));
+    let field = field.split('[').next().unwrap_or_default();
+    let name = curve.entry.and_then(|entry| {
         let plan = recording.plan().ok()?;
         let index = plan.topics.iter().position(|known| known.name == topic)?;
-        robots::joints_of_topic(&plan, index)?.get(entry).cloned()
+        entries(&plan, index, field).into_iter().nth(entry)
     });
-    joint.unwrap_or_else(|| {
-        curve.name.rsplit_once('/').map_or(curve.name.clone(), |(_, name)| name.to_string())
-    })
+    let last = |name: &str| name.rsplit_once('/').map_or(name, |(_, name)| name).to_string();
+    match (name, signals) {
+        (Some(name), [Signal { field: Some(_), .. }]) => name,
+        (Some(name), _) => format!("{}.{field} {name}", last(topic)),
+        (None, _) => last(&curve.name),
+    }
 }
 
 /// Columns and rows of the terminal, at most those that are pleasant to read.

@@ -75,7 +75,7 @@ impl Echo {
             return self.log(&run);
         }
         let (index, topic) = find(&run.plan, &self.topic)?;
-        let joints = crate::robots::joints_of_topic(&run.plan, index).unwrap_or_default();
+        let joints = motorium_bridges::foxglove::joints_of_topic(&run.plan, index).unwrap_or_default();
         let decoder = Decoder::new(&topic.layout)?;
         let mut watch = Watch::open(&run, topic)?;
         let interval = Duration::from_secs_f64(1.0 / self.rate.unwrap_or(10.0));

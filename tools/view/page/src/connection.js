@@ -2,7 +2,7 @@
 // services, files.
 
 import { FoxgloveClient } from "@foxglove/ws-protocol";
-import { createFileRegistry, fromBinary } from "@bufbuild/protobuf";
+import { ScalarType, createFileRegistry, fromBinary } from "@bufbuild/protobuf";
 import { FileDescriptorSetSchema } from "@bufbuild/protobuf/wkt";
 
 const SUBPROTOCOL = "foxglove.sdk.v1";
@@ -10,16 +10,27 @@ const AGAIN_MS = 500;
 
 const bytesOf = (base64) => Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
 
-/** A function that makes an object of the bytes of a message of this channel. */
+const NO_NUMBERS = [ScalarType.BOOL, ScalarType.STRING, ScalarType.BYTES];
+
+/** The fields of a schema that hold numbers: their names, those in an object of a message, and whether they are lists. */
+function numbersOf(schema) {
+  const numbers = schema.fields.filter(({ fieldKind, listKind, scalar }) => {
+    return (fieldKind === "scalar" || (fieldKind === "list" && listKind === "scalar")) && !NO_NUMBERS.includes(scalar);
+  });
+  return numbers.map(({ name, localName, fieldKind }) => ({ name: name.replaceAll("__", "."), local: localName, isList: fieldKind === "list" }));
+}
+
+/** The fields of a channel that hold numbers, and a function that makes an object of the bytes of a message. */
 function decoder(channel) {
   if (channel.encoding === "json") {
     const text = new TextDecoder();
-    return (data) => JSON.parse(text.decode(data));
+    return { fields: [], decode: (data) => JSON.parse(text.decode(data)) };
   }
   if (channel.encoding !== "protobuf") return undefined;
   const registry = createFileRegistry(fromBinary(FileDescriptorSetSchema, bytesOf(channel.schema)));
   const schema = registry.getMessage(channel.schemaName);
-  return schema && ((data) => fromBinary(schema, new Uint8Array(data.buffer, data.byteOffset, data.byteLength)));
+  const decode = (data) => fromBinary(schema, new Uint8Array(data.buffer, data.byteOffset, data.byteLength));
+  return schema && { fields: numbersOf(schema), decode };
 }
 
 export class Connection extends EventTarget {
@@ -27,7 +38,7 @@ export class Connection extends EventTarget {
   #client;
   #channels = new Map(); // by topic
   #listeners = new Map(); // by topic: a set of functions
-  #subscriptions = new Map(); // by subscription: topic and decoder
+  #subscriptions = new Map(); // by subscription: topic, fields and decoder
   #subscribed = new Map(); // by topic: subscription
   #services = new Map(); // by name
   #answers = new Map(); // by number of the call or the request
@@ -49,7 +60,7 @@ export class Connection extends EventTarget {
     return this.#client !== undefined;
   }
 
-  /** Hands every message of a topic to `listener`, whenever there is a channel of this name. */
+  /** Hands every message of a topic to `listener`, with its time and its fields of numbers, whenever there is a channel of this name. */
   subscribe(topic, listener) {
     if (!this.#listeners.has(topic)) this.#listeners.set(topic, new Set());
     this.#listeners.get(topic).add(listener);
@@ -159,7 +170,7 @@ export class Connection extends EventTarget {
       const subscription = this.#subscriptions.get(subscriptionId);
       if (!subscription) return;
       const message = subscription.decode(data);
-      for (const listener of this.#listeners.get(subscription.topic) ?? []) listener(message, timestamp);
+      for (const listener of this.#listeners.get(subscription.topic) ?? []) listener(message, timestamp, subscription.fields);
     });
     client.on("parameterValues", ({ parameters }) => {
       const unknown = parameters.map(({ name }) => name).filter((name) => !this.#parameters.has(name));
@@ -195,10 +206,10 @@ export class Connection extends EventTarget {
   #subscribeTo(topic) {
     const channel = this.#channels.get(topic);
     if (!this.#client || !channel || this.#subscribed.has(topic)) return;
-    const decode = decoder(channel);
-    if (!decode) return;
+    const known = decoder(channel);
+    if (!known) return;
     const subscription = this.#client.subscribe(channel.id);
     this.#subscribed.set(topic, subscription);
-    this.#subscriptions.set(subscription, { topic, decode });
+    this.#subscriptions.set(subscription, { topic, ...known });
   }
 }

@@ -17,11 +17,17 @@ const $ = (id) => document.getElementById(id);
 const SCENES = ["foxglove.SceneUpdate"];
 const PICTURES = "foxglove.RawImage";
 const TABLE_MS = 100;
+const LOOK_MS = 3000;
 
 const connection = new Connection(`ws://${location.host}/${location.search}`);
 const view = new View($("scene"));
 const frames = new Frames();
-const plot = new Plot(connection, $("plot"), $("plot-topic"), $("plot-field"));
+const plot = new Plot(connection, $("plot"), {
+  topic: $("plot-topic"),
+  field: $("plot-field"),
+  entries: $("plot-entries"),
+  legend: $("plot-legend"),
+});
 const cameras = new Pictures(connection, $("cameras"));
 const parameters = new Parameters(connection, $("parameters"));
 const components = new Components($("components"), $("latencies"));
@@ -34,7 +40,7 @@ let graph;
 let run = { state: "waiting" };
 let first; // the time of the first picture of the robots
 let pictures = 0;
-let looked = false;
+let looked; // the time of the first look at the robots, and the number of things in the picture then
 const exact = new Map(); // by topic: the newest exact joint state
 const errors = [];
 const subscribed = new Map(); // by topic: the listener
@@ -64,7 +70,7 @@ function begin(about) {
   frames.clear();
   view.clear();
   exact.clear();
-  looked = false;
+  looked = undefined;
   robots = about.robots.filter((robot) => robot.is_urdf).map((robot) => {
     const shown = new Robot(robot, connection, view.scene, (problem) => say(problem, true));
     listen(robot.description, ({ data }) => shown.load(data));
@@ -103,7 +109,7 @@ function channels() {
   const known = new Set(connection.channels.map(({ topic }) => topic));
   const offered = graph.topics.map(({ name }) => name).filter((name) => known.has(name));
   const joint = graph.robots.map(({ state }) => state).find((topic) => known.has(topic));
-  if (offered.length) plot.offer(offered, joint);
+  if (offered.length) plot.offer(offered, graph.topics, joint);
 }
 
 function showRun() {
@@ -122,6 +128,8 @@ function showRun() {
   $("start").hidden = lost || !run.can_start;
   const recorded = run.state === "playback";
   $("stop").hidden = recorded;
+  // What runs has times and can be tuned; what was recorded has not.
+  $("times").hidden = $("tuning").hidden = recorded;
   playback.show(recorded);
 }
 
@@ -171,9 +179,11 @@ function picture(now) {
   requestAnimationFrame(picture);
   for (const robot of robots) robot.place(frames);
   const drawn = robots.length > 0 && robots.every((robot) => robot.isDrawn);
-  if (drawn && !looked) {
-    looked = true;
-    view.look(robots.reduce((box, robot) => box.union(robot.box), new Box3()));
+  // Things around the robots may come a moment later: they are looked at, too.
+  const isLate = looked && now - looked.time < LOOK_MS && view.count > looked.count && !view.moved;
+  if (drawn && (!looked || isLate)) {
+    looked = { time: looked?.time ?? now, count: view.count };
+    view.look(robots.reduce((box, robot) => box.union(robot.box), new Box3()), frames);
   }
   view.render(frames);
   cameras.paint();

@@ -1,10 +1,14 @@
 // The picture: light, ground grid, camera, and what scenes and targets draw. z points up, as in the world of a graph.
 
 import {
-  AmbientLight, ArrowHelper, AxesHelper, BoxGeometry, Color, CylinderGeometry, DirectionalLight, GridHelper, Group,
+  AmbientLight, ArrowHelper, AxesHelper, Box3, BoxGeometry, BufferGeometry, Color, CylinderGeometry, DirectionalLight,
+  Float32BufferAttribute, GridHelper, Group,
   Mesh, MeshPhongMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, Vector3, WebGLRenderer,
 } from "three";
+import { colour, onTheme } from "./theme.js";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+
+const LARGE = 3; // m: things from this size on are surroundings
 
 const vector = (v) => new Vector3(v?.x ?? 0, v?.y ?? 0, v?.z ?? 0);
 const quaternion = (q) => (q ? new Quaternion(q.x, q.y, q.z, q.w) : new Quaternion());
@@ -34,6 +38,13 @@ function drawn(entity) {
     geometry.rotateX(Math.PI / 2);
     geometry.scale(cylinder.size.x, cylinder.size.y, cylinder.size.z);
     add(geometry, cylinder);
+  }
+  for (const { pose, points, indices, color } of entity.triangles) {
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new Float32BufferAttribute(points.flatMap(({ x, y, z }) => [x, y, z]), 3));
+    if (indices.length) geometry.setIndex(indices);
+    geometry.computeVertexNormals();
+    add(geometry, { pose, color });
   }
   for (const arrow of entity.arrows) {
     const along = new Vector3(1, 0, 0).applyQuaternion(quaternion(arrow.pose?.orientation));
@@ -72,22 +83,33 @@ export class View {
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     element.append(this.renderer.domElement);
     this.scene = new Scene();
-    this.scene.background = new Color(0xf4f6f8);
-    this.scene.add(new AmbientLight(0xffffff, 1.4));
-    const sun = new DirectionalLight(0xffffff, 2.2);
-    sun.position.set(2, -3, 5);
-    this.scene.add(sun);
-    const grid = new GridHelper(4, 16, 0xb0b8c0, 0xd8dde2);
-    grid.rotateX(Math.PI / 2);
-    this.scene.add(grid, new AxesHelper(0.2));
+    [this.sky, this.sun] = [new AmbientLight(0xffffff), new DirectionalLight(0xffffff)];
+    this.sun.position.set(2, -3, 5);
+    this.scene.add(this.sky, this.sun);
+    this.scene.add(new AxesHelper(0.2));
+    this.#paint();
+    onTheme(() => this.#paint());
     this.camera = new PerspectiveCamera(45, 1, 0.01, 100);
     this.camera.up.set(0, 0, 1);
     this.camera.position.set(1.7, -1.5, 1.2);
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.controls.target.set(0.2, 0, 0.4);
     this.controls.update();
+    this.moved = false; // true once the user has moved the camera
+    this.controls.addEventListener("start", () => (this.moved = true));
     new ResizeObserver(() => this.resize()).observe(element);
     this.resize();
+  }
+
+  /** The light, and the colours of background and grid, whose lines are 25 cm apart. */
+  #paint() {
+    const light = Number(colour("--light"));
+    [this.sky.intensity, this.sun.intensity] = [1.4 * light, 2.2 * light];
+    this.scene.background = new Color(colour("--scene"));
+    if (this.grid) dispose(this.grid);
+    this.grid = new GridHelper(4, 16, colour("--axis"), colour("--cell"));
+    this.grid.rotateX(Math.PI / 2);
+    this.scene.add(this.grid);
   }
 
   resize() {
@@ -147,8 +169,20 @@ export class View {
     this.renderer.render(this.scene, this.camera);
   }
 
-  /** Moves the camera so that a box is well in the picture. */
-  look(box) {
+  /** The number of things in the picture besides robots. */
+  get count() {
+    return this.#entities.size;
+  }
+
+  /** Moves the camera so that a box is well in the picture, with the things around it but not the ground. */
+  look(box, frames) {
+    for (const { group, frame } of this.#entities.values()) {
+      const pose = frames.inWorld(frame);
+      if (!pose) continue;
+      pose.decompose(group.position, group.quaternion, group.scale);
+      const thing = new Box3().setFromObject(group);
+      if (thing.getSize(new Vector3()).length() < LARGE) box.union(thing);
+    }
     const centre = box.getCenter(new Vector3());
     const radius = Math.max(box.getSize(new Vector3()).length() / 2, 0.2);
     this.controls.target.copy(centre);

@@ -1,4 +1,4 @@
-// Tables: the components with their rates, budgets and misses by cause; the joints of the robots.
+// Tables: the components with their rates, budgets and misses by cause; the joints of the robots, with their limits.
 
 const HEAD = [
   ["component", ""],
@@ -22,17 +22,25 @@ const HEAD = [
 const micro = (ns) => (ns / 1000).toFixed(ns < 100000 ? 1 : 0);
 const hertz = (hz) => (hz >= 100 ? hz.toFixed(0) : hz.toFixed(1));
 
-function row(cells, tag = "td") {
-  const line = document.createElement("tr");
-  for (const cell of cells) {
-    const { text, tone = "", title = "" } = typeof cell === "object" ? cell : { text: cell };
-    const element = document.createElement(tag);
-    element.textContent = text;
-    element.className = tone;
-    element.title = title;
-    line.append(element);
-  }
-  return line;
+/** Writes a cell; what has not changed is left as it is, so that a hint or a selection stays. */
+function write(element, cell) {
+  const { text, tone = "", title = "" } = typeof cell === "object" ? cell : { text: cell };
+  if (element.textContent !== String(text)) element.textContent = text;
+  if (element.className !== tone) element.className = tone;
+  if (element.title !== title) element.title = title;
+}
+
+/** Writes rows of cells into a table, the first of them as its head. */
+function fill(table, rows) {
+  while (table.rows.length > rows.length) table.deleteRow(-1);
+  rows.forEach((cells, index) => {
+    const line = table.rows[index] ?? table.insertRow();
+    while (line.cells.length > cells.length) line.deleteCell(-1);
+    cells.forEach((cell, place) => {
+      const tag = index === 0 ? "th" : "td";
+      write(line.cells[place] ?? line.appendChild(document.createElement(tag)), cell);
+    });
+  });
 }
 
 const count = (number, tone) => ({ text: number, tone: number > 0 ? tone : "dim" });
@@ -91,9 +99,25 @@ export class Components {
   }
 
   #show(rows) {
-    const head = row(HEAD.map(([text, title]) => ({ text, title })), "th");
-    this.table.replaceChildren(head, ...rows.map((cells) => row(cells)));
+    fill(this.table, [HEAD.map(([text, title]) => ({ text, title })), ...rows]);
   }
+}
+
+/** Units of position, velocity and effort of joints that turn, and of those that slide. */
+const TURNS = ["rad", "rad/s", "N m"];
+const SLIDES = ["m", "m/s", "N"];
+/** Part of the range of a joint within which it is near a limit. */
+const NEAR = 0.01;
+
+/** A number with four digits; what is less than half of the last is zero, without a sign. */
+const fixed = (value) => (Math.abs(value) < 5e-5 ? 0 : value).toFixed(4);
+
+/** The place of a joint between its limits, in words, and whether it is at one of them. */
+function within(joint, position) {
+  const { lower, upper } = joint?.limit ?? {};
+  if (!(upper > lower) || joint.jointType === "continuous" || position === undefined) return {};
+  const margin = Math.min(position - lower, upper - position) / (upper - lower);
+  return { title: `limits ${lower} to ${upper}`, tone: margin < 0 ? "bad" : margin < NEAR ? "warn" : "" };
 }
 
 export class Joints {
@@ -104,15 +128,17 @@ export class Joints {
   /** Shows the joint states of the robots. */
   show(robots) {
     const rows = [];
-    const number = (value) => (value === undefined ? "-" : value.toFixed(4));
-    for (const { about, state } of robots) {
-      for (const joint of state?.joints ?? []) {
-        const name = robots.length > 1 ? `${about.name}: ${joint.name}` : joint.name;
-        const line = row([name, number(joint.position), number(joint.velocity), number(joint.effort)]);
-        line.dataset.joint = `${about.name}.${joint.name}`;
-        rows.push(line);
+    for (const { about, state, model } of robots) {
+      for (const { name, position, velocity, effort } of state?.joints ?? []) {
+        const joint = model?.joints[name];
+        const units = joint?.jointType === "prismatic" ? SLIDES : [];
+        const number = (value, index) => (value === undefined ? "-" : `${fixed(value)}${units[index] ? ` ${units[index]}` : ""}`);
+        const label = robots.length > 1 ? `${about.name}: ${name}` : name;
+        rows.push([label, { text: number(position, 0), ...within(joint, position) }, number(velocity, 1), number(effort, 2)]);
       }
     }
-    this.table.replaceChildren(row(["joint", "position", "velocity", "effort"], "th"), ...rows);
+    const head = ["position", "velocity", "effort"].map((text, index) => `${text}, ${TURNS[index]}`);
+    fill(this.table, [["joint", ...head], ...rows]);
+    this.table.closest("details").hidden = rows.length === 0;
   }
 }

@@ -1,5 +1,7 @@
 //! The files of the page, which are part of the program.
 
+use motorium::state::Digest;
+
 /// A file of the page.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct File {
@@ -26,3 +28,10 @@ pub(super) static FILES: [File; 4] = [
     file!("/page.css", "text/css; charset=utf-8", "page.css"),
     file!("/licences.txt", "text/plain; charset=utf-8", "licences.txt"),
 ];
+
+/// A digest of all files, as 16 hexadecimal digits.
+pub(super) fn digest() -> String {
+    let mut digest = Digest::default();
+    FILES.iter().for_each(|file| digest.write(file.content));
+    format!("{:016x}", digest.finish())
+}

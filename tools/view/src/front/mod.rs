@@ -35,6 +35,15 @@ pub(crate) enum FrontError {
     Refused { port: u16, reason: io::Error },
 }
 
+/// A digest of the page, which stands in the pictures that `--headless-check` makes of it.
+///
+/// ```
+/// assert_eq!(motorium_view::page_digest().len(), 16);
+/// ```
+pub fn page_digest() -> String {
+    files::digest()
+}
+
 /// The port of the viewer, taken before anything starts.
 #[derive(Debug)]
 pub(crate) struct Front(std::net::TcpListener);

@@ -73,6 +73,9 @@ pub(crate) fn play(
     while !over.load(Relaxed) && !interrupted.load(Relaxed) {
         match asks.recv_timeout(next.saturating_duration_since(Instant::now())) {
             Ok(ask) => {
+                if matches!(ask, Ask::Latched(..)) {
+                    player().begin();
+                }
                 playback.answer(ask, &run_channel);
                 continue;
             }

@@ -16,6 +16,8 @@ pub(crate) struct Player {
     place: f64,
     speed: f64,
     plays: bool,
+    /// True until somebody looks, or asks for something: it stands at the start.
+    waits: bool,
     /// True if the place was set since the last step.
     sought: bool,
 }
@@ -32,16 +34,16 @@ pub(crate) struct Moved {
 }
 
 impl Player {
-    /// A player at the start, which plays.
+    /// A player at the start, which plays as soon as somebody looks.
     pub(crate) fn new((start_ns, end_ns): (u64, u64)) -> Self {
-        Self { start_ns, end_ns, place: 0.0, speed: 1.0, plays: true, sought: true }
+        Self { start_ns, end_ns, place: 0.0, speed: 1.0, plays: true, waits: true, sought: true }
     }
 
     /// Moves on by a time of the viewer.
     pub(crate) fn step(&mut self, passed: Duration) -> Moved {
         let length = self.length();
         let was = self.place;
-        if self.plays && !self.sought {
+        if self.plays && !self.waits && !self.sought {
             self.place = (was + passed.as_nanos() as f64 * self.speed).min(length);
         }
         let ended = self.plays && self.place >= length;
@@ -60,6 +62,12 @@ impl Player {
             self.sought = true;
         }
         self.plays = plays;
+        self.waits = false;
+    }
+
+    /// Takes note that somebody looks.
+    pub(crate) fn begin(&mut self) {
+        self.waits = false;
     }
 
     /// Does what a viewer asks for by Foxglove's playback control; the state that it is told.
@@ -124,6 +132,8 @@ mod tests {
     fn player() -> Player {
         let mut player = Player::new((START, START + 10 * SECOND));
         assert!(player.step(Duration::from_secs(1)).sought, "it begins at the start");
+        assert_eq!(player.step(Duration::from_secs(5)).to_ns, START, "nobody looks");
+        player.begin();
         player
     }
 

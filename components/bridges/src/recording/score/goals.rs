@@ -45,6 +45,10 @@ pub struct PoseScore {
     pub path_orientation_max_rad: f64,
     /// Mean smoothness of the movements to the goals, as [`GoalScore::smoothness`].
     pub smoothness: Option<f64>,
+    /// True if the reader leaves the position free: its errors say nothing then.
+    pub position_is_free: bool,
+    /// True if the reader leaves the orientation free.
+    pub orientation_is_free: bool,
     /// Each goal, in the order of time.
     pub goals: Vec<GoalScore>,
 }
@@ -101,7 +105,7 @@ struct Movement {
 }
 
 impl Follower {
-    /// `None` if the reader has no robot with such a frame, or what it reads was not recorded.
+    /// `None` if the reader has no robot with such a frame, brings none to the target, or what it reads was not recorded.
     pub(super) fn new(
         recording: &Recording,
         plan: &Plan,
@@ -119,6 +123,10 @@ impl Follower {
         let (joints, base) = (input(JointState::NAME), input(BaseState::NAME));
         let port = component.inputs.iter().find(|input| input.topic == Some(topic))?;
         let task = task_of(component, &port.port);
+        // A target that a task of another kind reads, such as one that is looked at, is no pose for a frame.
+        if task.is_none() && component.config.get("tasks").is_some() {
+            return None;
+        }
         let named = task.and_then(|task| task.get("frame")).and_then(serde_json::Value::as_str);
         let frame = match joints {
             Some(_) => Some(loaded.model.end_effector(loaded.profile.as_ref(), named).ok()?),
@@ -127,11 +135,11 @@ impl Follower {
         if frame.is_none() && base.is_none() {
             return None;
         }
+        let number = |key: &str| task?.get(key)?.as_f64();
+        let is_free = |weight: &str| number(weight) == Some(0.0);
+        // What a task leaves free is not missed.
         let of_task = |key: &str, weight: &str, usual: f64| {
-            let number = |key: &str| task?.get(key)?.as_f64();
-            // What a task leaves free is not missed.
-            let free = number(weight) == Some(0.0);
-            if free { f64::INFINITY } else { number(key).unwrap_or(usual) }
+            if is_free(weight) { f64::INFINITY } else { number(key).unwrap_or(usual) }
         };
         let name = frame.map_or("base", |frame| loaded.model.frames()[frame.index()].name.as_str());
         let score = PoseScore {
@@ -148,6 +156,8 @@ impl Follower {
             path_orientation_rms_rad: 0.0,
             path_orientation_max_rad: 0.0,
             smoothness: None,
+            position_is_free: is_free("position_weight"),
+            orientation_is_free: is_free("orientation_weight"),
             goals: Vec::new(),
         };
         Some(Self {
@@ -298,14 +308,17 @@ impl Follower {
     }
 }
 
-/// The table of the Cartesian task of a controller whose target is read at this port.
+/// Tasks that bring a frame to their target.
+const FOLLOWING: [&str; 2] = ["cartesian", "admittance"];
+
+/// The table of the task of a controller that brings a frame to the target which is read at this port.
 fn task_of<'c>(component: &'c ComponentPlan, port: &str) -> Option<&'c serde_json::Value> {
     let tasks = component.config.get("tasks")?.as_array()?;
-    let cartesian = tasks.iter().filter_map(|task| task.get("cartesian"));
+    let mut following = tasks.iter().flat_map(|task| FOLLOWING.iter().filter_map(|kind| task.get(*kind)));
     let target = |task: &serde_json::Value| {
         task.get("target").and_then(serde_json::Value::as_str).unwrap_or("target") == port
     };
-    cartesian.into_iter().find(|task| target(task))
+    following.find(|task| target(task))
 }
 
 /// `None` if the orientation is no unit quaternion.

@@ -1,0 +1,66 @@
+//! The file of a recorder, or its memory of the last moments.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use mcap::McapError;
+
+use super::COUNTS;
+use super::batch::{Batch, Ring};
+use super::file::Writer;
+use super::recorder::RecordError;
+
+/// The file of a recorder. Of one that keeps the last moments only, what is written at the end.
+pub(super) struct Sink {
+    path: PathBuf,
+    writer: Writer,
+    /// The messages of the last moments, of a recorder that keeps no more.
+    ring: Option<Ring>,
+    /// An error was told: the run ends badly.
+    has_failed: bool,
+}
+
+impl Sink {
+    /// The file that `writer` has begun. With a time \[ns\] it gets only what lies so close before the end of a bad run.
+    pub(super) fn new(path: PathBuf, writer: Writer, last_ns: Option<u64>) -> Self {
+        Self { path, writer, ring: last_ns.map(Ring::new), has_failed: false }
+    }
+
+    /// Writes a batch, and empties it.
+    pub(super) fn write(&mut self, batch: &mut Batch) -> Result<(), RecordError> {
+        self.has_failed |= std::mem::take(&mut batch.has_failed);
+        let written = batch.write(&mut self.writer, self.ring.as_mut());
+        written.and_then(|()| self.writer.flush_if_due()).map_err(|source| self.error(source))
+    }
+
+    /// Bytes of the messages so far.
+    pub(super) fn bytes(&self) -> u64 {
+        self.writer.bytes()
+    }
+
+    /// Ends the file with a summary; gives the bytes of its messages. One that was to keep the end of a bad run is removed after
+    /// a good one.
+    pub(super) fn finish(mut self, summary: BTreeMap<String, String>) -> Result<u64, RecordError> {
+        let failed = |path: PathBuf| move |source| RecordError::File { path, source };
+        if let Some(ring) = self.ring.take() {
+            if !self.has_failed {
+                let Self { path, writer, .. } = self;
+                let bytes = writer.bytes();
+                drop(writer);
+                let removed = std::fs::remove_file(&path).map_err(McapError::from);
+                return removed.map(|()| bytes).map_err(failed(path));
+            }
+            for (message, data) in &ring.messages {
+                message.write(data, &mut self.writer).map_err(|source| self.error(source))?;
+            }
+        }
+        let Self { path, mut writer, .. } = self;
+        let bytes = writer.bytes();
+        let ended = writer.metadata(COUNTS, summary).and_then(|()| writer.finish());
+        ended.map(|()| bytes).map_err(failed(path))
+    }
+
+    fn error(&self, source: McapError) -> RecordError {
+        RecordError::File { path: self.path.clone(), source }
+    }
+}
