@@ -117,6 +117,45 @@ pub enum ModelWarning {
     },
 }
 
+impl ModelWarning {
+    /// The warnings as texts, one for all meshes that are nowhere.
+    ///
+    /// ```
+    /// use motorium_robots::ModelWarning;
+    ///
+    /// let missing = |link: &str| ModelWarning::MissingMesh {
+    ///     link: link.into(), uri: format!("package://arm/{link}.stl"), tried: vec!["/opt/arm".into()],
+    /// };
+    /// let told = ModelWarning::told(&[missing("base"), missing("hand")]);
+    /// assert!(told.len() == 1 && told[0].starts_with("the meshes of 2 links (base, hand) are not found"));
+    /// ```
+    pub fn told(warnings: &[Self]) -> Vec<String> {
+        let missing = |warning: &&Self| matches!(warning, Self::MissingMesh { .. });
+        let (missing, others): (Vec<&Self>, Vec<&Self>) = warnings.iter().partition(missing);
+        let mut told: Vec<String> = others.iter().map(ToString::to_string).collect();
+        match missing.as_slice() {
+            [] => {}
+            [one] => told.push(one.to_string()),
+            [Self::MissingMesh { uri, tried, .. }, ..] => {
+                let link = |warning: &&Self| match warning {
+                    Self::MissingMesh { link, .. } => Some(link.clone()),
+                    _ => None,
+                };
+                let mut links: Vec<String> = missing.iter().filter_map(link).collect();
+                links.dedup();
+                let (count, links) = (links.len(), links.join(", "));
+                let of = if count == 1 { "link" } else { "links" };
+                told.push(format!(
+                    "the meshes of {count} {of} ({links}) are not found, the first, \"{uri}\",{}",
+                    searched(tried)
+                ));
+            }
+            _ => {}
+        }
+        told
+    }
+}
+
 fn in_all(count: usize) -> String {
     if count == 1 { String::new() } else { format!(", {count} in all") }
 }
@@ -126,5 +165,9 @@ fn searched(tried: &[std::path::PathBuf]) -> String {
         return String::new();
     }
     let folders: Vec<_> = tried.iter().map(|path| path.display().to_string()).collect();
-    format!(" in {}; set ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or --package-path", folders.join(", "))
+    format!(
+        " in {}; name the folder of its package by `package_path` of the robot in a graph, --package-path of `motorium \
+         robot`, or ROS_PACKAGE_PATH",
+        folders.join(", ")
+    )
 }

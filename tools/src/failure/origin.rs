@@ -122,9 +122,9 @@ impl Origin {
 
     fn of_primitive(error: &PrimitiveFileError) -> Self {
         match error {
-            PrimitiveFileError::System { path, .. } | PrimitiveFileError::Content { path, .. } => {
-                Self::file(path)
-            }
+            PrimitiveFileError::System { path, .. }
+            | PrimitiveFileError::Foreign { path }
+            | PrimitiveFileError::Content { path, .. } => Self::file(path),
             PrimitiveFileError::Text { path, source } => {
                 Self { line: Some(source.line()), column: Some(source.column()), ..Self::file(path) }
             }

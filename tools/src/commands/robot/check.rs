@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use motorium_robots::{Loaded, MimicMode, Model};
+use motorium_robots::{Loaded, MimicMode, Model, ModelWarning};
 use serde_json::json;
 
 use super::source::RobotArgs;
@@ -55,10 +55,11 @@ fn report(robot: &Loaded) -> serde_json::Value {
 }
 
 fn print(robot: &Loaded, asked: &str) {
-    for warning in &robot.warnings {
+    let warnings = ModelWarning::told(&robot.warnings);
+    for warning in &warnings {
         errln!("{}: {warning}", style::warning("warning"));
     }
-    let count = match robot.warnings.len() {
+    let count = match warnings.len() {
         0 => style::good("ok:"),
         1 => format!("{} it loads with 1 warning:", style::good("ok:")),
         count => format!("{} it loads with {count} warnings:", style::good("ok:")),
