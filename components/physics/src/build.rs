@@ -108,6 +108,15 @@ pub enum BuildWarning {
         /// The problem.
         reason: String,
     },
+    /// A robot without collision shapes in a world that has something to touch.
+    #[error(
+        "robot \"{robot}\" has no collision shapes: it passes through the ground and all objects; \
+         `motorium robot hulls` gives its links the hulls of their visuals"
+    )]
+    NoShapes {
+        /// The robot.
+        robot: String,
+    },
     /// Two links are too close at the start to ever count as touching.
     #[error(
         "links \"{first}\" and \"{second}\" start {apart:.1} mm apart and will never collide with one another; \

@@ -39,9 +39,20 @@ impl Check {
         } else {
             print(&loaded, &self.robot.robot);
         }
-        let refused = self.strict && !loaded.warnings.is_empty();
+        let refused = self.strict && !warnings(&loaded).is_empty();
         Ok(if refused { exit::invalid() } else { ExitCode::SUCCESS })
     }
+}
+
+/// The defects of its file; and a robot that touches nothing.
+fn warnings(robot: &Loaded) -> Vec<String> {
+    let mut warnings = ModelWarning::told(&robot.warnings);
+    if !robot.model.has_shapes() {
+        let told = "no link has a collision shape: in physics the robot passes through the ground and all objects; \
+                    `motorium robot hulls` gives its links the hulls of their visuals";
+        warnings.push(told.to_string());
+    }
+    warnings
 }
 
 fn report(robot: &Loaded) -> serde_json::Value {
@@ -50,12 +61,12 @@ fn report(robot: &Loaded) -> serde_json::Value {
         "name": robot.model.name(),
         "file": robot.path,
         "size": facts::size(&robot.model),
-        "warnings": robot.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "warnings": warnings(robot),
     })
 }
 
 fn print(robot: &Loaded, asked: &str) {
-    let warnings = ModelWarning::told(&robot.warnings);
+    let warnings = warnings(robot);
     for warning in &warnings {
         errln!("{}: {warning}", style::warning("warning"));
     }
