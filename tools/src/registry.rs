@@ -53,6 +53,7 @@ fn check_robot(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
             ConfigError::key("profile", format!("cannot read {}: {source}", path.display()))
                 .advise("`motorium robot profile FILE --output PROFILE.toml` writes a first one")
         }
+        LoadError::Setting(error) => ConfigError::key(error.key, error.message),
         cause => ConfigError::new(cause.to_string()),
     })?;
     Ok(ModelWarning::told(&loaded.warnings))

@@ -176,7 +176,8 @@ impl BuildWarning {
     /// assert_eq!(told, ["collision shapes of 2 links (base, hand) are ignored, the first: no mesh"]);
     /// ```
     pub fn told(warnings: &[Self]) -> Vec<String> {
-        let (mut ignored, mut reasons, mut close, mut told) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let (mut ignored, mut reasons, mut close, mut told) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for warning in warnings {
             match warning {
                 Self::ShapeIgnored { link, reason } => {

@@ -230,10 +230,11 @@ impl PrimitiveFile {
         }
         let foreign = || PrimitiveFileError::Foreign { path: path.into() };
         let text = String::from_utf8(std::fs::read(path).map_err(system)?).map_err(|_| foreign())?;
-        let file: Self = serde_json::from_str(&text).map_err(|source| match text.contains("\"primitive\"") {
-            true => PrimitiveFileError::Text { path: path.into(), source },
-            false => foreign(),
-        })?;
+        let file: Self =
+            serde_json::from_str(&text).map_err(|source| match text.contains("\"primitive\"") {
+                true => PrimitiveFileError::Text { path: path.into(), source },
+                false => foreign(),
+            })?;
         if file.version != Self::VERSION {
             return Err(PrimitiveFileError::Version { path: path.into(), found: file.version });
         }

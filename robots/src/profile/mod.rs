@@ -13,6 +13,7 @@ use serde::Deserialize;
 
 pub use draft::draft_profile;
 pub use error::ProfileError;
+pub(crate) use home::tip_joints;
 pub use parts::{BaseKind, BasePose, EndEffector, Foot, MobileBase, Rotor, Spin, Steering};
 
 use crate::configuration::write_pose;

@@ -60,6 +60,7 @@ impl Origin {
             LoadError::NotFound { path, nearest, reference } => {
                 Self { found: Some(reference.clone()), help: nearest.as_ref().map(help), ..Self::file(path) }
             }
+            LoadError::Setting(_) => Self { invalid: true, ..Self::default() },
             LoadError::NoUrdf(folder) | LoadError::SeveralUrdf { folder, .. } => Self::file(folder),
             LoadError::Read { path, .. } => Self::file(path),
             LoadError::NotText { path, at, byte } => Self {

@@ -96,7 +96,8 @@ fn a_robot_of_which_only_the_file_is_known_holds_the_pose_of_its_first_profile()
         let shown = json(&["robot", "show", &folder.text("my-robot.urdf"), "--json"]);
         assert!(shown["profile"].is_null(), "the profile is found by the graph alone");
         let profile = std::fs::read_to_string(folder.path("lab/first.toml")).expect("readable");
-        let home = motorium_robots::Profile::parse(&profile).expect("a profile").poses["home"].values().to_vec();
+        let home =
+            motorium_robots::Profile::parse(&profile).expect("a profile").poses["home"].values().to_vec();
         let held = physics["joint_position"].as_array().expect("positions");
         assert_eq!(held.len(), home.len(), "{robot}");
         for (joint, (held, home)) in held.iter().zip(&home).enumerate() {

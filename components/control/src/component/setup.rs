@@ -43,6 +43,7 @@ impl ControllerSetup {
             pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
             profile: robot.profile.as_deref(),
             packages: &robot.package_path,
+            settings: robot.settings.as_ref(),
         };
         let Loaded { model, profile, .. } =
             source.load().map_err(|error| ConfigError::key("robot", error.to_string()))?;

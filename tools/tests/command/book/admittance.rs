@@ -56,6 +56,7 @@ fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
         pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
     };
     source.load().map_err(|error| ConfigError::new(error.to_string()))
 }

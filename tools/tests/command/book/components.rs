@@ -73,7 +73,10 @@ fn run_with(kind: Kind, block: &str, program: &str, set: &[&str]) -> Report {
 #[test]
 fn the_component_with_a_robot_in_it_is_the_one_that_is_tested_and_gives_way_in_its_graph() {
     let page = read("docs/src/robot-component.md");
-    assert!(page.contains(&read("tools/tests/command/book/admittance.rs")), "the chapter shows another component");
+    assert!(
+        page.contains(&read("tools/tests/command/book/admittance.rs")),
+        "the chapter shows another component"
+    );
     let panda = motorium_robots::load("panda", Path::new(".")).expect("a robot of the catalogue");
     let tool = panda.end_effector(None).expect("its hand");
     let mut kinematics = motorium_robots::Kinematics::new(&panda.model);

@@ -83,6 +83,7 @@ impl Parts {
             pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
             profile: robot.profile.as_deref(),
             packages: &robot.package_path,
+            settings: robot.settings.as_ref(),
         };
         let Loaded { model, profile, .. } = source.load().map_err(|error| refused(error.to_string()))?;
         let rotors = profile.map(|profile| profile.rotors).unwrap_or_default();
