@@ -78,7 +78,10 @@ fn a_wrong_option_is_told_with_the_one_that_was_meant() {
         assert!(errors.contains(words), "{errors}");
     }
     let (code, errors) = tried(&["run", REACH, "--for", "5"]);
-    assert!(code == Some(3) && errors.contains("without a unit"), "{errors}");
+    assert!(
+        code == Some(2) && errors.contains("'--for <DURATION>'") && errors.contains("without a unit"),
+        "{errors}"
+    );
 }
 
 /// Writes a file into a folder; its path.
