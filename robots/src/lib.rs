@@ -57,6 +57,7 @@ mod per_joint;
 mod postures;
 mod profile;
 pub mod safetensors;
+mod settings;
 mod source;
 mod srdf;
 mod terrain;
@@ -99,6 +100,7 @@ pub use profile::{
     BaseKind, BasePose, EndEffector, Foot, Gains, MobileBase, Profile, ProfileError, Rotor, Spin, Steering,
     draft_profile,
 };
+pub use settings::SettingError;
 pub use source::{RobotSource, RobotSourceError};
 pub use srdf::{Srdf, SrdfError};
 pub use terrain::{HeightField, NearTriangle, Terrain, TerrainError, TerrainLayer};

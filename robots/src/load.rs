@@ -155,6 +155,9 @@ pub enum LoadError {
     /// An MJCF file with a fault.
     #[error(transparent)]
     Mjcf(#[from] MjcfError),
+    /// A setting of a graph that does not fit the robot.
+    #[error(transparent)]
+    Setting(#[from] crate::SettingError),
     /// A profile with a fault.
     #[error("{}: {source}", .path.display())]
     Profile {

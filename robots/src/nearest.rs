@@ -28,6 +28,15 @@ pub(crate) fn suggestion(nearest: Option<&str>) -> String {
     nearest.map(|name| format!(" (did you mean \"{name}\"?)")).unwrap_or_default()
 }
 
+/// ` (did you mean "x"?)`, or the names that there are: ` (there are a, b)`.
+pub(crate) fn suggestion_or_list(nearest: Option<&str>, known: &[String]) -> String {
+    match (nearest, known) {
+        (Some(_), _) => suggestion(nearest),
+        (None, []) => " (there are none)".to_owned(),
+        (None, known) => format!(" (there are {})", known.join(", ")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

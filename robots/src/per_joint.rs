@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected one number, or a list with one number per joint")]
 pub enum PerJoint {
     /// The same for all joints.
     All(f64),

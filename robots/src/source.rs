@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::settings::Settings;
 use crate::{BasePose, LoadError, LoadOptions, Loaded, ProfileChoice, load_with};
 
 /// A robot as a graph file refers to it.
@@ -30,11 +31,21 @@ pub struct RobotSource<'a> {
     pub profile: Option<&'a Path>,
     /// Folders searched for its packages before all others.
     pub packages: &'a [PathBuf],
+    /// A table with the keys `frame`, `start` and `gains` of the graph, which replace those of its profile.
+    pub settings: Option<&'a serde_json::Value>,
 }
 
 impl Default for RobotSource<'_> {
     fn default() -> Self {
-        Self { name: "", text: "", base: Path::new(""), pose: None, profile: None, packages: &[] }
+        Self {
+            name: "",
+            text: "",
+            base: Path::new(""),
+            pose: None,
+            profile: None,
+            packages: &[],
+            settings: None,
+        }
     }
 }
 
@@ -69,8 +80,12 @@ impl RobotSource<'_> {
         if let Some(profile) = self.profile {
             options.profile = ProfileChoice::File(profile.to_path_buf());
         }
-        let mut loaded = load_with(self.text, self.base, &options)
-            .map_err(|source| RobotSourceError { name: self.name.to_owned(), source: Box::new(source) })?;
+        let refused = |source| RobotSourceError { name: self.name.to_owned(), source: Box::new(source) };
+        let mut loaded = load_with(self.text, self.base, &options).map_err(refused)?;
+        if let Some(settings) = self.settings {
+            let applied = Settings::read(settings).and_then(|settings| settings.apply(&mut loaded));
+            applied.map_err(|error| refused(error.into()))?;
+        }
         if let Some(pose) = self.pose {
             loaded.model = loaded.model.placed(&pose.isometry());
         }

@@ -37,6 +37,27 @@ fn a_profile_with_a_fault_is_refused() {
 }
 
 #[test]
+fn one_number_in_a_profile_stands_for_all_joints() {
+    let model = load("planar-3r", Path::new(".")).unwrap().model;
+    let text = "title = \"t\"\nsources = []\njoints = [\"joint1\", \"joint2\", \"joint3\"]\nhome = \"zero\"\n\
+                [poses]\nzero = 0\nbent = [0.1, 0.2, 0.3]\n[gains]\nkp = 40.0\nkd = [3.0, 2.0, 1.0]\n\
+                [limits]\nvelocity = 1.5\n";
+    let profile = Profile::parse(text).unwrap();
+    profile.check(&model).unwrap();
+    assert_eq!(profile.home(&model).unwrap().as_slice(), [0.0; 3]);
+    assert_eq!(profile.gains(&model).unwrap().kp.as_slice(), [40.0; 3]);
+    assert_eq!(profile.gains(&model).unwrap().kd.as_slice(), [3.0, 2.0, 1.0]);
+    assert_eq!(profile.velocity_limit(&model).unwrap().as_slice(), [1.5; 3]);
+    // A list of one number is a list of the wrong length.
+    let error = refused(&text.replace("kp = 40.0", "kp = [40.0]")).to_string();
+    assert_eq!(error, "gains.kp has 1 entries, expected 3: one per joint of `joints`");
+    let error = refused(&text.replace("kp = 40.0", "kp = \"stiff\"")).to_string();
+    assert!(error.contains("expected one number, or a list with one number per joint"), "{error}");
+    let error = refused(&text.replace("velocity = 1.5", "velocity = 0")).to_string();
+    assert!(error.contains("the velocity limit of joint \"joint1\" is 0"), "{error}");
+}
+
+#[test]
 fn what_stands_and_drives_is_checked_too() {
     let with = |tail: &str| refused(&format!("{SMALL}{tail}")).to_string();
     let placed = with("[base_poses]\na = { position = [0.0, 0.0, 1.0] }\n");

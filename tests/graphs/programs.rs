@@ -53,12 +53,12 @@ fn a_misspelt_key_of_a_program_is_underlined_where_it_stands() {
     };
     let told = check("kp = [1.0]\nkd = [1.0]\namplitude = 0.1\namplitud = 0.2");
     assert!(told.contains("graph.toml:12:1"), "{told}");
-    assert!(told.contains("`mine.config.amplitud`: unknown field `amplitud`"), "{told}");
+    assert!(told.contains("`mine.config.amplitud`: unknown key `amplitud`"), "{told}");
     assert!(told.contains("^^^^^^^^ refused by") && told.contains("did you mean `amplitude`?"), "{told}");
     let told = check("amplitude = 0.1\nkd = [1.0]\nkp = [1.0, \"stiff\"]");
     assert!(told.contains("graph.toml:11:12") && told.contains("`mine.config.kp[1]`"), "{told}");
     let told = check("kp = [1.0]\nkd = [1.0]");
-    assert!(told.contains("missing field `amplitude`") && told.contains("motorium kinds --exec"), "{told}");
+    assert!(told.contains("key `amplitude` is missing") && told.contains("motorium kinds --exec"), "{told}");
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod metrics;
 mod out;
 mod overheads;
 mod printer;
+mod progress;
 mod registry;
 mod report;
 mod robots;

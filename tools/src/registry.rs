@@ -2,7 +2,7 @@
 
 use motorium::declare::{ConfigError, RobotReference};
 use motorium::worker::{Kind, Registry, RobotSource, Sibling};
-use motorium_robots::LoadError;
+use motorium_robots::{LoadError, ModelWarning};
 
 /// The programs that host kinds which this one does not, because of what they depend on.
 const SIBLINGS: &[Sibling] = &[
@@ -53,7 +53,8 @@ fn check_robot(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
             ConfigError::key("profile", format!("cannot read {}: {source}", path.display()))
                 .advise("`motorium robot profile FILE --output PROFILE.toml` writes a first one")
         }
+        LoadError::Setting(error) => ConfigError::key(error.key, error.message),
         cause => ConfigError::new(cause.to_string()),
     })?;
-    Ok(loaded.warnings.iter().map(ToString::to_string).collect())
+    Ok(ModelWarning::told(&loaded.warnings))
 }

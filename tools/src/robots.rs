@@ -11,6 +11,7 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, RobotSourceError> {
         base: &robot.base,
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
         pose: None,
     };
     source.load()

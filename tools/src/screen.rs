@@ -12,6 +12,7 @@ use ratatui::text::Text;
 use ratatui::widgets::{Paragraph, Row, Table, Widget as _};
 use ratatui::{Frame, Terminal, TerminalOptions, Viewport};
 
+use crate::progress::Progress;
 use crate::report::microseconds;
 use crate::wrap::wrapped;
 
@@ -127,17 +128,19 @@ fn cells(component: &ComponentStatus) -> [String; 8] {
 /// Plain lines: what happens, and how things are.
 pub(crate) struct Plain {
     quiet: bool,
+    progress: Progress,
 }
 
 impl Plain {
     /// With `quiet`, standard output stays free for JSON.
     pub(crate) fn new(quiet: bool) -> Self {
-        Self { quiet }
+        Self { quiet, progress: Progress::default() }
     }
 
     /// Prints the state of the graph as a line.
-    pub(crate) fn state(&self, status: &Status) {
-        self.line(&status_line(status));
+    pub(crate) fn state(&mut self, status: &Status) {
+        let line = self.progress.line(status);
+        self.line(&line);
     }
 
     /// Prints a line. A closed pipe or a full disk must not stop a robot.
@@ -147,23 +150,6 @@ impl Plain {
             false => writeln!(anstream::stdout(), "{line}"),
         };
     }
-}
-
-fn status_line(status: &Status) -> String {
-    let parts: Vec<String> = status
-        .components
-        .iter()
-        .map(|ComponentStatus { report, .. }| {
-            format!(
-                "{} {:.0} Hz, late p99 {} us, missed {}",
-                report.name,
-                report.rate_hz,
-                microseconds(report.lateness_ns.p99),
-                causes(&report.misses)
-            )
-        })
-        .collect();
-    format!("{:5.1} s  {}", status.elapsed_ns as f64 * 1e-9, parts.join(" | "))
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ pub enum MergeError {
     )]
     Spring(usize),
     /// They were made with different metrics.
-    #[error("library {index} has the metric {found:?}, the first {expected:?}: build both with the same")]
+    #[error("library {index} has the metric {found}, the first {expected}: build both with the same")]
     Metric {
         /// Index of the library, counted from 1.
         index: usize,

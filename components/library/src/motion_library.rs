@@ -17,6 +17,15 @@ pub enum Metric {
     Position,
 }
 
+impl core::fmt::Display for Metric {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Force => "force",
+            Self::Position => "position",
+        })
+    }
+}
+
 /// One movement that a library was built from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry {

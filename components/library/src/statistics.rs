@@ -19,6 +19,24 @@ pub fn proportion_error(rate: f64, count: usize) -> f64 {
     (rate * (1.0 - rate) / count.max(1) as f64).sqrt()
 }
 
+/// A mean and its error in words, to two digits of the error: `0.3004 +- 0.0041`. An error of 0, as of a single value, is
+/// left out.
+///
+/// ```
+/// use motorium_library::statistics::with_error;
+///
+/// assert_eq!(with_error(0.000_300_41, 0.000_004_1), "0.0003004 +- 0.0000041");
+/// assert_eq!(with_error(12.34, 5.6), "12.3 +- 5.6");
+/// assert_eq!(with_error(0.5, 0.0), "0.5");
+/// ```
+pub fn with_error(mean: f64, error: f64) -> String {
+    if !(error.is_finite() && error > 0.0) {
+        return mean.to_string();
+    }
+    let digits = (1.0 - error.log10().floor()).clamp(0.0, 12.0) as usize;
+    format!("{mean:.digits$} +- {error:.digits$}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -117,6 +117,15 @@ pub enum BuildWarning {
         /// The problem.
         reason: String,
     },
+    /// A robot without collision shapes in a world that has something to touch.
+    #[error(
+        "robot \"{robot}\" has no collision shapes: it passes through the ground and all objects; \
+         `motorium robot hulls` gives its links the hulls of their visuals"
+    )]
+    NoShapes {
+        /// The robot.
+        robot: String,
+    },
     /// Two links are too close at the start to ever count as touching.
     #[error(
         "links \"{first}\" and \"{second}\" start {apart:.1} mm apart and will never collide with one another; \
@@ -163,6 +172,59 @@ pub enum BuildWarning {
         /// The joint.
         joint: String,
     },
+}
+
+impl BuildWarning {
+    /// The warnings as texts: one for all shapes that are ignored, one for all pairs of links that start too close.
+    ///
+    /// ```
+    /// use motorium_physics::BuildWarning;
+    ///
+    /// let ignored = |link: &str| BuildWarning::ShapeIgnored { link: link.into(), reason: "no mesh".into() };
+    /// let told = BuildWarning::told(&[ignored("base"), ignored("hand")]);
+    /// assert_eq!(told, ["collision shapes of 2 links (base, hand) are ignored, the first: no mesh"]);
+    /// ```
+    pub fn told(warnings: &[Self]) -> Vec<String> {
+        let (mut ignored, mut reasons, mut close, mut told) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        for warning in warnings {
+            match warning {
+                Self::ShapeIgnored { link, reason } => {
+                    reasons.push((warning, reason));
+                    if !ignored.contains(&link.as_str()) {
+                        ignored.push(link.as_str());
+                    }
+                }
+                Self::SelfCollisionOff { .. } => close.push(warning),
+                other => told.push(other.to_string()),
+            }
+        }
+        match reasons.as_slice() {
+            [] => {}
+            [(warning, _)] => told.push(warning.to_string()),
+            [(_, reason), ..] => told.push(format!(
+                "collision shapes of {} links ({}) are ignored, the first: {reason}",
+                ignored.len(),
+                ignored.join(", ")
+            )),
+        }
+        let pair = |warning: &&Self| match warning {
+            Self::SelfCollisionOff { first, second, distance } => {
+                format!("{first} and {second} {:.1} mm", distance * 1e3)
+            }
+            other => other.to_string(),
+        };
+        match close.as_slice() {
+            [] => {}
+            [one] => told.push(one.to_string()),
+            several => told.push(format!(
+                "{} pairs of links start less than a centimetre apart and will never collide with one another: {}",
+                several.len(),
+                several.iter().map(pair).collect::<Vec<_>>().join(", ")
+            )),
+        }
+        told
+    }
 }
 
 impl BuildError {

@@ -186,7 +186,7 @@ impl<E: Engine> Simulation<E> {
         world.check(frames.map(|frame| frame.name.as_str()))?;
         BuildError::check_abilities((E::NAME, E::CAPABILITIES), &setups, &world, &options)?;
         let robot = Robot::new(&setups, &options, Vector3::from(world.gravity));
-        let mut warnings = Vec::new();
+        let mut warnings = without_shapes(&setups, &world);
         let engine = E::build(&setups, &robot, &world, &options, &mut warnings)?;
         let nv = robot.nv();
         let mut simulation = Self { robot, engine, options, world, warnings };
@@ -363,4 +363,13 @@ impl<E: Engine> Simulator for Simulation<E> {
     ) {
         self.engine.apply_wrench(&self.robot, link, &point, [force, torque]);
     }
+}
+
+/// Warnings of robots that touch nothing of a world that has something to touch.
+fn without_shapes(setups: &[RobotSetup], world: &World) -> Vec<BuildWarning> {
+    if world.ground.is_none() && world.terrain.is_none() && world.objects.is_empty() {
+        return Vec::new();
+    }
+    let bare = setups.iter().map(|setup| &setup.model).filter(|model| !model.has_shapes());
+    bare.map(|model| BuildWarning::NoShapes { robot: model.name().to_owned() }).collect()
 }

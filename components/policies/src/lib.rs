@@ -32,6 +32,7 @@ mod joint_command;
 pub mod library;
 pub mod promp;
 mod robot;
+mod text_or_table;
 pub mod trajectory;
 pub mod waypoints;
 

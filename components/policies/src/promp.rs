@@ -8,13 +8,15 @@ use motorium::transport::Parameter;
 use motorium::units::TimeSpan;
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 use crate::joint_command::{CommandedJoints, JointCommandConfig, JointCommandWriter, earth};
+use crate::text_or_table::text_or_table;
 use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::mean::{MeanMovement, MeanRunner};
 use motorium_primitives::promp::{ProMp, StoredProMp};
 use motorium_primitives::reach::Repeat;
+use motorium_robots::PerJoint;
 
 /// Configuration of `policy.promp`.
 ///
@@ -61,13 +63,19 @@ pub struct ProMpPolicyConfig {
 }
 
 /// Source of a primitive.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(untagged)]
+#[derive(Debug, Clone, JsonSchema)]
+#[schemars(untagged)]
 pub enum ProMpSource {
     /// A file, relative to the graph file.
     File(#[schemars(extend("format" = "path"))] String),
     /// The primitive itself.
     Table(StoredProMp),
+}
+
+impl<'de> Deserialize<'de> for ProMpSource {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        text_or_table(deserializer, "the path of a file, or a table", Self::File, Self::Table)
+    }
 }
 
 /// A place on the way.
@@ -76,8 +84,8 @@ pub enum ProMpSource {
 pub struct ViaConfig {
     /// When: 0 at the start of the movement, 1 at its end.
     pub at: f64,
-    /// Positions of the joints that are moved, rad or m.
-    pub position: Vec<f64>,
+    /// Positions of the joints that are moved, rad or m: one number for all, or one for each.
+    pub position: PerJoint,
     /// Standard deviation with which it is to be passed, rad or m. Default 0.001.
     #[serde(default = "precise")]
     pub deviation: f64,
@@ -303,7 +311,9 @@ fn conditioned(primitive: Primitive, via: &ViaConfig) -> Result<Primitive, Strin
     if !((0.0..=1.0).contains(&via.at) && via.deviation >= 0.0 && via.deviation.is_finite()) {
         return Err("expected `at` from 0 to 1 and a `deviation` of at least 0".to_string());
     }
-    let place = DVector::from_column_slice(&via.position);
+    let place = via.position.resolve(primitive.dimensions());
+    let place = place.map_err(|error| format!("`position` has {error}"))?;
+    let place = DVector::from_vec(place);
     match primitive {
         Primitive::Probabilistic(promp) => {
             let noise = DMatrix::identity(promp.dimensions(), promp.dimensions()) * via.deviation.powi(2);

@@ -12,6 +12,7 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
         pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
     }
     .load()
     .map_err(|error| ConfigError::new(error.to_string()))

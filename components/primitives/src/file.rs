@@ -95,7 +95,13 @@ pub enum PrimitiveFileError {
         /// Error of the system.
         source: std::io::Error,
     },
-    /// The text is no primitive.
+    /// Another kind of file.
+    #[error("{}: this is no movement primitive; `motorium primitive fit` makes one of recordings", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A primitive that cannot be read.
     #[error("{}: {source}", path.display())]
     Text {
         /// The file.
@@ -222,9 +228,13 @@ impl PrimitiveFile {
         if !std::fs::metadata(path).map_err(system)?.is_file() {
             return Err(system(std::io::Error::other("it is no regular file")));
         }
-        let text = std::fs::read_to_string(path).map_err(system)?;
-        let file: Self = serde_json::from_str(&text)
-            .map_err(|source| PrimitiveFileError::Text { path: path.into(), source })?;
+        let foreign = || PrimitiveFileError::Foreign { path: path.into() };
+        let text = String::from_utf8(std::fs::read(path).map_err(system)?).map_err(|_| foreign())?;
+        let file: Self =
+            serde_json::from_str(&text).map_err(|source| match text.contains("\"primitive\"") {
+                true => PrimitiveFileError::Text { path: path.into(), source },
+                false => foreign(),
+            })?;
         if file.version != Self::VERSION {
             return Err(PrimitiveFileError::Version { path: path.into(), found: file.version });
         }

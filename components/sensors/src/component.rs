@@ -152,6 +152,7 @@ fn joints(robot: &RobotReference) -> Result<usize, ConfigError> {
     let loaded = RobotSource {
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
         name: &robot.name,
         text: &robot.urdf,
         base: &robot.base,

@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 
 use super::keyframes::Keyframe;
 use crate::profile::GainArrays;
-use crate::{BaseKind, BasePose, Coordinate, Dynamics, Model, Profile};
+use crate::{BaseKind, BasePose, Coordinate, Dynamics, Model, PerJoint, Profile};
 
 /// The drive of a joint, as the joint feels it: `tau = kp (q_des - q) + kd (v_des - v)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,13 +55,13 @@ pub(super) fn profile(
         if home.is_none() || name == "home" {
             home = Some(name.clone());
         }
-        poses.insert(name, joints);
+        poses.insert(name, PerJoint::Each(joints));
     }
     if poses.is_empty() && !position {
         return None;
     }
     let home = home.unwrap_or_else(|| {
-        poses.insert("zero".to_owned(), pick(references));
+        poses.insert("zero".to_owned(), PerJoint::Each(pick(references)));
         "zero".to_owned()
     });
     let names = model.joint_names();
@@ -99,5 +99,5 @@ fn gains(model: &Model, references: &[f64], independent: &[usize], drives: &Driv
         kp.push(stiffness);
         kd.push(damping + 2.0 * damping_ratio * (stiffness * inertia).sqrt());
     }
-    GainArrays { kp, kd }
+    GainArrays { kp: PerJoint::Each(kp), kd: PerJoint::Each(kd) }
 }

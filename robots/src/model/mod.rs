@@ -165,6 +165,11 @@ impl Model {
         self.flat.base.mass + self.bodies.iter().map(|body| body.inertia.mass).sum::<f64>()
     }
 
+    /// True if a link has a collision shape.
+    pub fn has_shapes(&self) -> bool {
+        !self.base.shapes.is_empty() || self.bodies.iter().any(|body| !body.shapes.is_empty())
+    }
+
     /// Names of the independent joints, in the order of `q` and `v` (after the floating base, if there is one).
     pub fn joint_names(&self) -> &[String] {
         &self.joint_names

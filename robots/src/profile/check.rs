@@ -1,24 +1,24 @@
 //! A profile against itself, and against its robot.
 
 use super::{BaseKind, Profile, ProfileError, Steering};
-use crate::Model;
+use crate::{Model, PerJoint};
 
 impl Profile {
     /// Lengths, the home pose, values that must be positive, facts a drive needs.
     pub(super) fn check_itself(&self) -> Result<(), ProfileError> {
         for (name, pose) in &self.poses {
-            self.check_length(&format!("pose \"{name}\""), pose)?;
+            self.check_length(&format!("pose \"{name}\""), pose.values())?;
         }
         if let Some(gains) = &self.gains {
-            self.check_length("gains.kp", &gains.kp)?;
-            self.check_length("gains.kd", &gains.kd)?;
+            self.check_length("gains.kp", gains.kp.values())?;
+            self.check_length("gains.kd", gains.kd.values())?;
         }
         for (key, limits) in [
             ("velocity", &self.limits.velocity),
             ("acceleration", &self.limits.acceleration),
             ("effort_rate", &self.limits.effort_rate),
         ] {
-            let Some(limits) = limits else { continue };
+            let Some(limits) = limits.as_ref().map(PerJoint::values) else { continue };
             self.check_length(&format!("limits.{key}"), limits)?;
             for (joint, limit) in self.joints.iter().zip(limits) {
                 if limit.is_nan() || *limit <= 0.0 {

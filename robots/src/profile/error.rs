@@ -1,7 +1,7 @@
 //! Faults of a profile.
 
 use crate::UnknownFrame;
-use crate::nearest::suggestion;
+use crate::nearest::suggestion_or_list;
 
 /// A profile that does not fit the question or the model.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -20,20 +20,24 @@ pub enum ProfileError {
         expected: usize,
     },
     /// No pose has this name.
-    #[error("no pose is named \"{name}\"{}", suggestion(.nearest.as_deref()))]
+    #[error("no pose is named \"{name}\"{}", suggestion_or_list(.nearest.as_deref(), .known))]
     UnknownPose {
         /// The name asked for.
         name: String,
         /// The pose most likely meant.
         nearest: Option<String>,
+        /// The names of all poses.
+        known: Vec<String>,
     },
     /// No end effector has this name.
-    #[error("no end effector is named \"{name}\"{}", suggestion(.nearest.as_deref()))]
+    #[error("no end effector is named \"{name}\"{}", suggestion_or_list(.nearest.as_deref(), .known))]
     UnknownEndEffector {
         /// The name asked for.
         name: String,
         /// The end effector most likely meant.
         nearest: Option<String>,
+        /// The names of all end effectors.
+        known: Vec<String>,
     },
     /// The model has a joint the profile does not list.
     #[error("the profile does not list joint \"{joint}\" of robot \"{robot}\"")]

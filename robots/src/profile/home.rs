@@ -89,7 +89,7 @@ fn best_of<'a>(
 }
 
 /// Joints that move the tip, from the base on, and those beyond it: of its fingers.
-pub(super) fn tip_joints(model: &Model, tip: FrameId) -> (Vec<String>, Vec<String>) {
+pub(crate) fn tip_joints(model: &Model, tip: FrameId) -> (Vec<String>, Vec<String>) {
     let body = model.frames()[tip.index()].body;
     let parents = |mut body: Option<usize>| {
         let mut chain = Vec::new();

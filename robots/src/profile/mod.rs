@@ -13,13 +13,14 @@ use serde::Deserialize;
 
 pub use draft::draft_profile;
 pub use error::ProfileError;
+pub(crate) use home::tip_joints;
 pub use parts::{BaseKind, BasePose, EndEffector, Foot, MobileBase, Rotor, Spin, Steering};
 
-use crate::Model;
 use crate::configuration::write_pose;
 use crate::nearest::nearest;
+use crate::{Model, PerJoint};
 
-/// Poses, end effectors, feet and gains of one robot. Arrays follow `joints`.
+/// Poses, end effectors, feet and gains of one robot. Arrays follow `joints`; one number stands for all joints.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
@@ -38,7 +39,7 @@ pub struct Profile {
     #[serde(default)]
     pub passive: Vec<String>,
     /// Named configurations of the joints \[rad or m\].
-    pub poses: BTreeMap<String, Vec<f64>>,
+    pub poses: BTreeMap<String, PerJoint>,
     /// Poses of a floating base, by the name of the pose of the joints.
     #[serde(default)]
     pub base_poses: BTreeMap<String, BasePose>,
@@ -65,18 +66,18 @@ pub struct Profile {
 #[serde(deny_unknown_fields)]
 struct LimitArrays {
     /// Largest speed of each joint \[rad/s or m/s\], below that of its file; `inf` for that of the file.
-    velocity: Option<Vec<f64>>,
+    velocity: Option<PerJoint>,
     /// Largest acceleration of each joint \[rad/s2 or m/s2\]; `inf` for none.
-    acceleration: Option<Vec<f64>>,
+    acceleration: Option<PerJoint>,
     /// Largest rate of change of each drive's effort \[Nm/s or N/s\]; `inf` for none.
-    effort_rate: Option<Vec<f64>>,
+    effort_rate: Option<PerJoint>,
 }
 
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct GainArrays {
-    pub(crate) kp: Vec<f64>,
-    pub(crate) kd: Vec<f64>,
+    pub(crate) kp: PerJoint,
+    pub(crate) kd: PerJoint,
 }
 
 /// Gains of `tau = kp (q_des - q) + kd (v_des - v) + feed-forward`, one per independent joint in the order of `q`.
@@ -118,9 +119,23 @@ impl Profile {
     /// [`ProfileError`] on bad TOML, unknown keys, arrays of the wrong length, a home pose that does not exist, values
     /// that cannot be.
     pub fn parse(text: &str) -> Result<Self, ProfileError> {
-        let profile: Self = toml::from_str(text)?;
+        let mut profile: Self = toml::from_str(text)?;
+        profile.spread();
         profile.check_itself()?;
         Ok(profile)
+    }
+
+    /// Makes lists of the single numbers that stand for all joints.
+    fn spread(&mut self) {
+        let joints = self.joints.len();
+        let LimitArrays { velocity, acceleration, effort_rate } = &mut self.limits;
+        let limits = [velocity, acceleration, effort_rate].into_iter().flatten();
+        let gains = self.gains.iter_mut().flat_map(|GainArrays { kp, kd }| [kp, kd]);
+        for numbers in self.poses.values_mut().chain(limits).chain(gains) {
+            if let PerJoint::All(number) = *numbers {
+                *numbers = PerJoint::Each(vec![number; joints]);
+            }
+        }
     }
 
     /// The joints' part of the home pose, in the order of the model's joints.
@@ -165,7 +180,7 @@ impl Profile {
     /// [`ProfileError::NoGains`], or [`ProfileError::MissingJoint`] when the model has other joints.
     pub fn gains(&self, model: &Model) -> Result<Gains, ProfileError> {
         let gains = self.gains.as_ref().ok_or(ProfileError::NoGains)?;
-        Ok(Gains { kp: self.arrange(model, &gains.kp)?, kd: self.arrange(model, &gains.kd)? })
+        Ok(Gains { kp: self.arrange(model, gains.kp.values())?, kd: self.arrange(model, gains.kd.values())? })
     }
 
     /// The acceleration limits \[rad/s2 or m/s2\], in the order of the model's joints; infinite where none is given.
@@ -204,9 +219,9 @@ impl Profile {
         self.arrange_limits(model, &self.limits.effort_rate)
     }
 
-    fn arrange_limits(&self, model: &Model, limits: &Option<Vec<f64>>) -> Result<DVector<f64>, ProfileError> {
+    fn arrange_limits(&self, model: &Model, limits: &Option<PerJoint>) -> Result<DVector<f64>, ProfileError> {
         match limits {
-            Some(limits) => self.arrange(model, limits),
+            Some(limits) => self.arrange(model, limits.values()),
             None => Ok(DVector::from_element(model.joint_count(), f64::INFINITY)),
         }
     }
@@ -220,13 +235,15 @@ impl Profile {
         self.end_effectors.get(name).ok_or_else(|| ProfileError::UnknownEndEffector {
             name: name.to_owned(),
             nearest: nearest(name, self.end_effectors.keys().map(String::as_str)).map(str::to_owned),
+            known: self.end_effectors.keys().cloned().collect(),
         })
     }
 
     fn find_pose(&self, name: &str) -> Result<&[f64], ProfileError> {
-        self.poses.get(name).map(Vec::as_slice).ok_or_else(|| ProfileError::UnknownPose {
+        self.poses.get(name).map(PerJoint::values).ok_or_else(|| ProfileError::UnknownPose {
             name: name.to_owned(),
             nearest: nearest(name, self.poses.keys().map(String::as_str)).map(str::to_owned),
+            known: self.poses.keys().cloned().collect(),
         })
     }
 

@@ -25,7 +25,8 @@ impl PackagePath {
     }
 
     /// The file `uri` means: `package://NAME/PATH`, `model://NAME/PATH`, `file://PATH` or a path relative to `file`,
-    /// the URDF that names it. Packages are looked for in the folders, the prefixes, then among `file`'s ancestors.
+    /// the URDF that names it. Packages are looked for in the folders, the prefixes, then among `file`'s ancestors; of a
+    /// robot that was copied out of its package, in the folder above `file` that has the name of one in `PATH`.
     ///
     /// # Errors
     ///
@@ -46,7 +47,7 @@ impl PackagePath {
             }
             tried.push(package);
         }
-        Err(tried)
+        copied(path, file).ok_or(tried)
     }
 
     fn candidates(&self, name: &str, file: Option<&Path>) -> Vec<PathBuf> {
@@ -59,7 +60,27 @@ impl PackagePath {
         };
         self.folders.iter().for_each(|folder| offer(folder));
         self.prefixes.iter().for_each(|prefix| offer(&prefix.join("share")));
-        file.into_iter().flat_map(|file| file.ancestors().skip(1)).for_each(&mut offer);
+        above(file).iter().for_each(|folder| offer(folder));
         candidates
     }
+}
+
+/// The folders above a file, the nearest first.
+fn above(file: Option<&Path>) -> Vec<PathBuf> {
+    // A relative path does not name the folders above the present one.
+    let file = file.map(|file| std::path::absolute(file).unwrap_or_else(|_| file.to_owned()));
+    file.iter().flat_map(|file| file.ancestors().skip(1)).map(Path::to_owned).collect()
+}
+
+/// The file in the folder of a robot that was copied out of its package: one above `file` that has the name of a folder in
+/// `path`.
+fn copied(path: &str, file: Option<&Path>) -> Option<PathBuf> {
+    let above = above(file);
+    let parts: Vec<&str> = path.split('/').collect();
+    let of_part = |(index, part): (usize, &&str)| {
+        let rest: PathBuf = parts[index + 1..].iter().collect();
+        let named = above.iter().filter(|folder| folder.file_name().is_some_and(|last| last == *part));
+        named.map(|folder| folder.join(&rest)).find(|found| found.is_file())
+    };
+    parts.iter().enumerate().take(parts.len().saturating_sub(1)).find_map(of_part)
 }

@@ -7,7 +7,7 @@ use crate::Position;
 pub enum ModelWarning {
     /// A link states a rotational inertia no rigid body has.
     #[error("link \"{link}\": rotational inertia is not positive definite (principal moments {}, {}, {} kg m2)",
-        .principal[0], .principal[1], .principal[2])]
+        moment(.principal[0]), moment(.principal[1]), moment(.principal[2]))]
     NotPositiveDefinite {
         /// Link at fault.
         link: String,
@@ -17,7 +17,7 @@ pub enum ModelWarning {
     /// A link states a rotational inertia no distribution of mass can have.
     #[error("link \"{link}\": rotational inertia breaks the triangle inequality (principal moments {}, {}, {} kg m2: \
              the largest exceeds the sum of the others)",
-        .principal[0], .principal[1], .principal[2])]
+        moment(.principal[0]), moment(.principal[1]), moment(.principal[2]))]
     TriangleInequality {
         /// Link at fault.
         link: String,
@@ -117,6 +117,107 @@ pub enum ModelWarning {
     },
 }
 
+/// A defect that several links or joints may have.
+struct Shared<'w> {
+    /// `link` or `joint`.
+    part: &'static str,
+    name: &'w str,
+    /// The same text for the same defect.
+    defect: String,
+    /// The words of the defect of several.
+    of_several: String,
+}
+
+impl ModelWarning {
+    /// The warnings as texts: one for all links or joints that have the same defect.
+    ///
+    /// ```
+    /// use motorium_robots::ModelWarning;
+    ///
+    /// let effort = |joint: &str| ModelWarning::ZeroLimit { joint: joint.into(), what: "effort" };
+    /// let told = ModelWarning::told(&[effort("hip"), effort("knee"), effort("ankle")]);
+    /// assert!(told.len() == 1 && told[0].starts_with("joints \"hip\", \"knee\", \"ankle\": effort limit is 0"));
+    /// ```
+    pub fn told(warnings: &[Self]) -> Vec<String> {
+        let mut told: Vec<(Option<Shared<'_>>, Vec<&str>, String)> = Vec::new();
+        for warning in warnings {
+            let shared = warning.shared();
+            let same = shared.as_ref().and_then(|shared| {
+                told.iter_mut().find(|(known, ..)| {
+                    let known = known.as_ref();
+                    known.is_some_and(|known| (known.part, &known.defect) == (shared.part, &shared.defect))
+                })
+            });
+            match (same, &shared) {
+                (Some((_, names, _)), Some(shared)) => {
+                    if !names.contains(&shared.name) {
+                        names.push(shared.name);
+                    }
+                }
+                _ => {
+                    let names = shared.iter().map(|shared| shared.name).collect();
+                    told.push((shared, names, warning.to_string()));
+                }
+            }
+        }
+        let text = |(shared, names, alone): (Option<Shared<'_>>, Vec<&str>, String)| match shared {
+            Some(Shared { part, of_several, .. }) if names.len() > 1 => {
+                format!("{part}s \"{}\": {of_several}", names.join("\", \""))
+            }
+            _ => alone,
+        };
+        told.into_iter().map(text).collect()
+    }
+
+    fn shared(&self) -> Option<Shared<'_>> {
+        let (part, name) = match self {
+            Self::NotPositiveDefinite { link, .. }
+            | Self::TriangleInequality { link, .. }
+            | Self::InertiaWithoutMass { link }
+            | Self::MissingMesh { link, .. } => ("link", link),
+            Self::NoInertia { joint, .. }
+            | Self::EmptyRange { joint, .. }
+            | Self::ZeroLimit { joint, .. }
+            | Self::NoEffortLimit { joint }
+            | Self::AxisLength { joint, .. } => ("joint", joint),
+            Self::TransmissionJoint { .. } | Self::CoupledTransmission { .. } | Self::Ignored { .. } => {
+                return None;
+            }
+        };
+        let (defect, of_several) = match self {
+            Self::MissingMesh { uri, tried, .. } => {
+                let told = format!("meshes not found, the first, \"{uri}\",{}", searched(tried));
+                ("meshes not found".to_owned(), told)
+            }
+            Self::NoInertia { .. } => {
+                let told = "nothing beyond has inertia: kinematics work, but their forward dynamics is impossible; \
+                            give the links an <inertial>";
+                (told.to_owned(), told.to_owned())
+            }
+            Self::NotPositiveDefinite { .. } => {
+                let told = "rotational inertias are not positive definite";
+                (told.to_owned(), told.to_owned())
+            }
+            Self::TriangleInequality { .. } => {
+                let told = "rotational inertias break the triangle inequality: the largest exceeds the sum of the others";
+                (told.to_owned(), told.to_owned())
+            }
+            other => {
+                let text = other.to_string();
+                let told = text.split_once("\": ")?.1.to_owned();
+                (told.clone(), told)
+            }
+        };
+        Some(Shared { part, name, defect, of_several })
+    }
+}
+
+/// A moment of inertia in digits that people read.
+fn moment(value: f64) -> String {
+    let readable = value == 0.0 || (1e-6..1e9).contains(&value.abs());
+    if readable { value.to_string() } else { format!("{value:.1e}") }
+}
+
 fn in_all(count: usize) -> String {
     if count == 1 { String::new() } else { format!(", {count} in all") }
 }
@@ -126,5 +227,9 @@ fn searched(tried: &[std::path::PathBuf]) -> String {
         return String::new();
     }
     let folders: Vec<_> = tried.iter().map(|path| path.display().to_string()).collect();
-    format!(" in {}; set ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or --package-path", folders.join(", "))
+    format!(
+        " in {}; name the folder of its package by `package_path` of the robot in a graph, --package-path of `motorium \
+         robot`, or ROS_PACKAGE_PATH",
+        folders.join(", ")
+    )
 }

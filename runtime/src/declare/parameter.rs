@@ -113,13 +113,16 @@ impl ParameterDeclaration {
         }
     }
 
-    /// Checks a value against type, range, choices and length; an integer is accepted for a float.
+    /// Checks a value against type, range, choices and length. An integer is accepted for a float, and one number for an
+    /// array of that number.
     ///
     /// # Errors
     /// A text with the value found and the values expected.
     pub fn admit(&self, value: ParameterValue) -> Result<ParameterValue, String> {
         let value = match (self.default.kind(), value) {
             (ParameterKind::Float, ParameterValue::Integer(i)) => ParameterValue::Float(i as f64),
+            (ParameterKind::Array, ParameterValue::Integer(i)) => self.repeated(i as f64),
+            (ParameterKind::Array, ParameterValue::Float(x)) => self.repeated(x),
             (_, value) => value,
         };
         let name = &self.name;
@@ -149,7 +152,7 @@ impl ParameterDeclaration {
                     ParameterValue::Choice(_) => {
                         format!("one of {}", list(self.choices.iter().map(String::as_str)))
                     }
-                    ParameterValue::Array(own) => format!("an array of {} numbers", own.len()),
+                    ParameterValue::Array(own) => format!("one number, or an array of {}", own.len()),
                 };
                 let found = match found {
                     ParameterValue::Array(values) => format!("an array of {}", values.len()),
@@ -160,6 +163,11 @@ impl ParameterDeclaration {
             }
         }
         Ok(value)
+    }
+
+    /// An array of this length of one number.
+    fn repeated(&self, number: f64) -> ParameterValue {
+        ParameterValue::Array(vec![number; self.numbers()])
     }
 
     /// True if a number lies within the range.
@@ -212,8 +220,18 @@ mod tests {
         let error = offsets.admit([0.5, 2.0, 0.0].into()).unwrap_err();
         assert_eq!(error, "parameter `offsets[1]` is 2, expected from -1 to 1");
         let error = offsets.admit([0.5].into()).unwrap_err();
-        assert_eq!(error, "parameter `offsets` is an array of 1, expected an array of 3 numbers");
+        assert_eq!(error, "parameter `offsets` is an array of 1, expected one number, or an array of 3");
         assert!(offsets.admit([f64::NAN, 0.0, 0.0].into()).is_err());
+    }
+
+    #[test]
+    fn one_number_stands_for_all_numbers_of_an_array() {
+        let offsets = declared(|declare| declare.array("offsets", &[0.0; 3], -1.0..=1.0, "rad", "offsets"));
+        assert_eq!(offsets.admit(0.5.into()), Ok([0.5; 3].into()));
+        assert_eq!(offsets.admit(1_i64.into()), Ok([1.0; 3].into()));
+        let error = offsets.admit(2.0.into()).unwrap_err();
+        assert_eq!(error, "parameter `offsets[0]` is 2, expected from -1 to 1");
+        assert!(offsets.admit(true.into()).is_err());
     }
 
     #[test]

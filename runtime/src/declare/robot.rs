@@ -34,4 +34,8 @@ pub struct RobotReference {
     /// Folders in which the packages of its files are searched first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub package_path: Vec<PathBuf>,
+    /// The keys `frame`, `start` and `gains` of the graph file, which replace those of its profile, as a table; `None`
+    /// where it has none of them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub settings: Option<serde_json::Value>,
 }

@@ -101,7 +101,7 @@ fn choices_and_arrays_begin_as_the_graph_has_them_and_several_change_at_once_or_
 
     for (parameter, value, expected) in [
         ("axis", 1_i64.into(), "is 1, expected one of `roll`, `pitch`, `yaw`"),
-        ("offsets", [0.0, 0.0].into(), "is an array of 2, expected an array of 3 numbers"),
+        ("offsets", [0.0, 0.0].into(), "is an array of 2, expected one number, or an array of 3"),
         ("offsets", [0.0, 0.0, 1.5].into(), "`offsets[2]` is 1.5, expected from -1 to 1"),
         ("ofsets", 1.0.into(), "did you mean `offsets`?"),
     ] {
@@ -121,7 +121,7 @@ fn a_graph_file_with_another_choice_or_length_is_refused_in_its_place() {
     let text = refused("\"pitch\"", "\"picth\"");
     assert!(text.contains("knobs.toml:8:") && text.contains("did you mean `pitch`?"), "{text}");
     let text = refused("[0.25, 0, -1]", "[0.25, 0]");
-    assert!(text.contains("`offsets` is an array of 2, expected an array of 3 numbers"), "{text}");
+    assert!(text.contains("`offsets` is an array of 2, expected one number, or an array of 3"), "{text}");
     let text = refused("[0.25, 0, -1]", "[0.25, \"x\", -1]");
     assert!(text.contains("a number"), "{text}");
     let text = refused("[0.25, 0, -1]", "{ x = 1 }");

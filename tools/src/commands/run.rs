@@ -10,6 +10,7 @@ use motorium::launcher::{Event, Exit, Hosting, Options, Report};
 use motorium::plan::{ClockKind, Expectation, Plan};
 use motorium::schedule::{self, RtLimit};
 use motorium::session::{Session, SessionError};
+use motorium::units::TimeSpan;
 use motorium::worker::Registry;
 
 use super::check::problems;
@@ -35,7 +36,7 @@ pub(crate) struct Run {
     name: Option<String>,
     /// Duration of the run, such as `10s`; as the graph says, or until Ctrl-C, if not given
     #[arg(long = "for", value_name = "DURATION")]
-    duration: Option<String>,
+    duration: Option<TimeSpan>,
     /// The clock, `realtime` or `lockstep`: as the graph says if not given
     #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,
@@ -89,7 +90,7 @@ pub(crate) struct Run {
 /// Trace of a run for `motorium trace`.
 pub(super) struct Traced {
     pub(super) graph: GraphArgs,
-    pub(super) duration: Option<String>,
+    pub(super) duration: Option<TimeSpan>,
     pub(super) clock: Option<Clock>,
     pub(super) force: bool,
     pub(super) json: bool,
@@ -131,7 +132,7 @@ impl Run {
             set("name", format!("{name:?}"));
         }
         if let Some(duration) = &self.duration {
-            set("duration", format!("{duration:?}"));
+            set("duration", format!("\"{duration}\""));
         }
         match self.clock {
             Some(Clock::Realtime) => set("clock", "\"realtime\"".to_string()),

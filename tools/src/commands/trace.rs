@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use motorium::units::TimeSpan;
+
 use super::loading::GraphArgs;
 use super::run::{Clock, Run, Traced};
 
@@ -19,7 +21,7 @@ pub(crate) struct Trace {
     graph: GraphArgs,
     /// Duration of the run, such as `2s`; as the graph says, or until Ctrl-C, if not given
     #[arg(long = "for", value_name = "DURATION")]
-    duration: Option<String>,
+    duration: Option<TimeSpan>,
     /// The clock, `realtime` or `lockstep`: as the graph says if not given
     #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,

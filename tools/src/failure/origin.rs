@@ -60,6 +60,7 @@ impl Origin {
             LoadError::NotFound { path, nearest, reference } => {
                 Self { found: Some(reference.clone()), help: nearest.as_ref().map(help), ..Self::file(path) }
             }
+            LoadError::Setting(_) => Self { invalid: true, ..Self::default() },
             LoadError::NoUrdf(folder) | LoadError::SeveralUrdf { folder, .. } => Self::file(folder),
             LoadError::Read { path, .. } => Self::file(path),
             LoadError::NotText { path, at, byte } => Self {
@@ -122,9 +123,9 @@ impl Origin {
 
     fn of_primitive(error: &PrimitiveFileError) -> Self {
         match error {
-            PrimitiveFileError::System { path, .. } | PrimitiveFileError::Content { path, .. } => {
-                Self::file(path)
-            }
+            PrimitiveFileError::System { path, .. }
+            | PrimitiveFileError::Foreign { path }
+            | PrimitiveFileError::Content { path, .. } => Self::file(path),
             PrimitiveFileError::Text { path, source } => {
                 Self { line: Some(source.line()), column: Some(source.column()), ..Self::file(path) }
             }

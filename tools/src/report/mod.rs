@@ -12,6 +12,8 @@ use motorium::telemetry::Percentiles;
 use crate::wrap::wrapped;
 use crate::{gate, style};
 
+pub(crate) use results::decimal;
+
 /// Columns that a summary takes at most.
 const WIDTH: usize = 80;
 

@@ -24,7 +24,7 @@ const UNITS: [(&str, &str); 9] = [
 /// value are left out. Lines after the first begin with blanks; the first has `heading` columns before it.
 pub(super) fn lines(heading: usize, result: &Value) -> String {
     let mut figures = Vec::new();
-    collect("", result, &mut figures);
+    collect("", result, result, &mut figures);
     let mut text = String::new();
     let mut used = heading;
     for figure in figures {
@@ -40,14 +40,31 @@ pub(super) fn lines(heading: usize, result: &Value) -> String {
         used += length;
         text.push_str(&figure);
     }
+    for warning in warnings(result) {
+        text.push_str(&format!("\n    warning: {warning}"));
+    }
     text
 }
 
-fn collect(path: &str, value: &Value, figures: &mut Vec<String>) {
+/// The key of warnings, each of which stands on lines of its own.
+const WARNINGS: &str = "warnings";
+
+fn warnings(result: &Value) -> impl Iterator<Item = &str> {
+    result.get(WARNINGS).and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str)
+}
+
+/// Collects the figures of a value within a `whole` result. A figure of a part that the whole has, too, under the same name
+/// and of the same value, is left out.
+fn collect(path: &str, value: &Value, whole: &Value, figures: &mut Vec<String>) {
     match value {
         Value::Object(values) => {
             let joints = names_of_joints(values);
             for (name, value) in values.iter().filter(|(name, _)| joints.is_none() || *name != JOINTS) {
+                if path.is_empty() && name == WARNINGS && warnings(whole).next().is_some()
+                    || !path.is_empty() && value.is_number() && whole.get(name) == Some(value)
+                {
+                    continue;
+                }
                 let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
                 match (&joints, value) {
                     (Some(joints), Value::Array(numbers))
@@ -65,13 +82,13 @@ fn collect(path: &str, value: &Value, figures: &mut Vec<String>) {
                             },
                         ));
                     }
-                    _ => collect(&path, value, figures),
+                    _ => collect(&path, value, whole, figures),
                 }
             }
         }
         Value::Array(values) if values.iter().any(|value| value.is_object() || value.is_array()) => {
             for (index, value) in values.iter().enumerate() {
-                collect(&format!("{path}.{index}"), value, figures);
+                collect(&format!("{path}.{index}"), value, whole, figures);
             }
         }
         Value::Array(values) if values.is_empty() => {}
@@ -159,6 +176,21 @@ mod tests {
         assert_eq!(lines(0, &result), "base [1, 2, 3], joint_position: hip 0.5, knee 0");
         let result = json!({ "joints": [0.5, 0.25] });
         assert_eq!(lines(0, &result), "joints [0.5, 0.25]", "numbers are no names");
+    }
+
+    #[test]
+    fn what_a_part_repeats_of_the_whole_is_told_once_and_warnings_have_lines_of_their_own() {
+        let task = json!({ "goals_reached": 4, "position_error_m": 0.5, "last_position_error_m": 0.25 });
+        let result = json!({ "goals_reached": 4, "position_error_m": 0.75, "tasks": { "hand": task },
+                             "warnings": ["the hand is hot", "the foot is cold"] });
+        let text = lines(0, &result);
+        let (figures, warnings) = text.split_once("\n    warning: ").expect("a warning");
+        assert_eq!(warnings, "the hand is hot\n    warning: the foot is cold");
+        let figures: Vec<&str> = figures.split(',').map(str::trim).collect();
+        for figure in ["goals_reached 4", "position_error 0.75 m", "tasks.hand.position_error 0.5 m"] {
+            assert!(figures.contains(&figure), "{figure}: {text}");
+        }
+        assert!(!text.contains("tasks.hand.goals_reached"), "{text}");
     }
 
     #[test]

@@ -4,21 +4,9 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use motorium::declare::{ConfigError, RobotReference};
-use motorium::launcher::Options;
-use motorium::session;
-use motorium::worker::{Kind, Registry, RobotSource};
 use serde_json::Value as Json;
 
-/// The component of the chapter on writing one, as it stands there.
-#[allow(dead_code)] // its `main`, which a test does not call
-mod circle {
-    include!("book/circle.rs");
-
-    pub(super) fn kind() -> motorium::worker::Kind {
-        motorium::worker::Kind::of::<Circle>()
-    }
-}
+mod components;
 
 fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tools lie in the workspace").to_path_buf()
@@ -142,46 +130,6 @@ fn every_part_of_a_graph_in_the_book_fits_into_one_that_can_run() {
 fn the_profile_of_the_book_is_the_one_of_the_catalogue() {
     let file = read("robots/catalogue/planar-3r/planar-3r.toml");
     assert_eq!(blocks("toml profile").into_iter().map(|(_, text)| text).collect::<Vec<_>>(), [file]);
-}
-
-#[test]
-fn the_component_of_the_book_is_the_one_that_is_tested_and_the_readme_shows_its_step() {
-    let code = read("tools/tests/command/book/circle.rs");
-    let shown = |page: &str| -> Vec<String> {
-        let path = workspace().join(page);
-        blocks("rust").into_iter().filter(|(found, _)| *found == path).map(|(_, text)| text).collect()
-    };
-    assert!(shown("docs/src/writing-a-component.md").contains(&code), "the chapter shows another component");
-    let step = shown("README.md").pop().expect("the README shows a step");
-    let indented: String = step.lines().map(|line| format!("    {line}\n")).collect();
-    assert!(code.contains(&indented), "the README shows another step:\n{step}");
-}
-
-#[test]
-fn the_component_of_the_book_moves_the_end_effector_along_its_circle() {
-    let check = |robot: &RobotReference| {
-        motorium_robots::load(&robot.urdf, &robot.base)
-            .map(|_| Vec::new())
-            .map_err(|error| ConfigError::new(error.to_string()))
-    };
-    let kinds = [
-        circle::kind(),
-        Kind::of::<motorium_physics::ArticulatedPhysics>(),
-        Kind::of::<motorium_physics::RapierPhysics>(),
-        Kind::of::<motorium_control::QpController>(),
-    ];
-    let registry = Registry::new(RobotSource { check }, kinds);
-    let [(page, graph)] = blocks("toml circle").try_into().expect("one graph with the component");
-    let program = "exec      = \"target/release/circle\"";
-    assert!(graph.contains(program), "{graph}");
-    let graph = graph.replace(program, "kind = \"example.circle\"");
-    let set = ["clock=lockstep", "duration=4 s"].map(|setting| setting.parse().expect("an override"));
-    let machine = motorium::graph::Machine::detect();
-    let checked = motorium::graph::check(&page, graph, &set, &registry, &machine);
-    let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
-    let report = session::run(plan, &registry, &Options::threads(), &mut |_| ()).expect("it runs");
-    let error = report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"].as_f64();
-    assert!(error.is_some_and(|error| error < 5e-3), "{}", report.results["controller"]);
 }
 
 /// Names in backticks.

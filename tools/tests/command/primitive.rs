@@ -155,7 +155,7 @@ fn what_cannot_be_read_or_run_is_refused_in_words() {
     let error = refused(&["primitive", "fit", text(&shown), "--channel", "z"]);
     assert!(error.contains("no channel `z`; there are x, y"), "{error}");
     let error = refused(&["primitive", "replay", text(&model), "--goal", "1,2,3"]);
-    assert!(error.contains("goal has 3 entries, the primitive 2 dimensions"), "{error}");
+    assert!(error.contains("--goal has 3 numbers, expected one for all, or one for each of "), "{error}");
     let error = refused(&["primitive", "replay", text(&model), "--final-velocity", "1,2"]);
     assert!(error.contains("ends at rest"), "{error}");
     let error = refused(&["primitive", "replay", text(&model), "--via", "0.5:1,2"]);

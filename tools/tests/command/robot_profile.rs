@@ -96,7 +96,8 @@ fn a_robot_of_which_only_the_file_is_known_holds_the_pose_of_its_first_profile()
         let shown = json(&["robot", "show", &folder.text("my-robot.urdf"), "--json"]);
         assert!(shown["profile"].is_null(), "the profile is found by the graph alone");
         let profile = std::fs::read_to_string(folder.path("lab/first.toml")).expect("readable");
-        let home = motorium_robots::Profile::parse(&profile).expect("a profile").poses["home"].clone();
+        let home =
+            motorium_robots::Profile::parse(&profile).expect("a profile").poses["home"].values().to_vec();
         let held = physics["joint_position"].as_array().expect("positions");
         assert_eq!(held.len(), home.len(), "{robot}");
         for (joint, (held, home)) in held.iter().zip(&home).enumerate() {
@@ -115,7 +116,7 @@ fn a_first_profile_names_the_tip_and_stays_away_from_the_stretched_arm() {
     let text = printed(&["robot", "profile", "ur5e"]);
     assert!(text.contains("frame  = \"tool0\""), "{text}");
     let profile = motorium_robots::Profile::parse(&text).expect("a profile");
-    let home = &profile.poses["home"];
+    let home = profile.poses["home"].values();
     assert!(home[2].abs() > 0.5, "the elbow is bent: {home:?}");
     let arm = motorium_robots::load("ur5e", Path::new(".")).expect("there").model;
     profile.check(&arm).expect("it fits");

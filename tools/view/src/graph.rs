@@ -33,6 +33,7 @@ pub(crate) fn file_of(robot: &RobotReference) -> Option<PathBuf> {
         base: &robot.base,
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
         pose: None,
     };
     source.load().ok()?.path

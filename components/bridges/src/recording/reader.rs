@@ -86,6 +86,13 @@ impl RecordedTopic {
     }
 }
 
+fn told(error: &McapError) -> String {
+    match error {
+        McapError::BadMagic => "this is no recording, which is an MCAP file".to_owned(),
+        other => other.to_string(),
+    }
+}
+
 /// The error of reading a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
@@ -98,7 +105,7 @@ pub enum ReadError {
         source: std::io::Error,
     },
     /// The file is no MCAP file, or damaged.
-    #[error("{path}: {source}", path = .path.display())]
+    #[error("{path}: {}", told(.source), path = .path.display())]
     Format {
         /// The file.
         path: PathBuf,

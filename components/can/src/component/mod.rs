@@ -109,6 +109,7 @@ fn load(robot: Option<&RobotReference>, folder: &Path, source: &Source<'_>) -> R
         pose: robot.pose.map(pose),
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
     };
     let robot = place.load().map_err(|error| ConfigError::new(error.to_string()))?;
     let joints = robot.model.joint_count();

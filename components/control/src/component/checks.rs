@@ -3,7 +3,7 @@
 use core::ops::RangeInclusive;
 
 use motorium::prelude::*;
-use motorium_robots::Model;
+use motorium_robots::{Model, PerJoint};
 use nalgebra::DVector;
 
 /// The value, if it is within `range`. An end of `f64::MIN` or `f64::MAX` stands for no limit.
@@ -19,17 +19,16 @@ pub(super) fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Res
     Err(ConfigError::key(key, format!("{value}, expected {expected}")))
 }
 
-/// A list with one finite number for each independent joint of `model`.
-pub(super) fn per_joint(key: &str, values: &[f64], model: &Model) -> Result<DVector<f64>, ConfigError> {
-    if values.len() != model.joint_count() {
-        let message = format!("{} numbers, expected {}: one per joint", values.len(), model.joint_count());
-        return Err(ConfigError::key(key, message)
-            .advise(format!("in this order: {}", model.joint_names().join(", "))));
-    }
-    for value in values {
+/// One finite number for each independent joint of `model`, or one for all of them.
+pub(super) fn per_joint(key: &str, given: &PerJoint, model: &Model) -> Result<DVector<f64>, ConfigError> {
+    let values = given.resolve(model.joint_count()).map_err(|error| {
+        ConfigError::key(key, error.to_string())
+            .advise(format!("in this order: {}", model.joint_names().join(", ")))
+    })?;
+    for value in &values {
         in_range(key, *value, f64::MIN..=f64::MAX)?;
     }
-    Ok(DVector::from_column_slice(values))
+    Ok(DVector::from_vec(values))
 }
 
 /// True if `name` can be the name of a task or an input: a lower-case letter, then lower-case letters, digits and

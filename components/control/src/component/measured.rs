@@ -15,6 +15,7 @@ pub(super) fn load_robot(robot: &RobotReference) -> Result<Loaded, ConfigError> 
         pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
     };
     source.load().map_err(|error| ConfigError::key("robot", error.to_string()))
 }

@@ -270,8 +270,7 @@ fn gains(
         given,
         &of_profile,
     ) {
-        (Some(PerJoint::All(gain)), _) => Ok(DVector::repeat(model.joint_count(), *gain)),
-        (Some(PerJoint::Each(gains)), _) => per_joint(name, gains, model),
+        (Some(gains), _) => per_joint(name, gains, model),
         (None, Some(Ok(gains))) => Ok(pick(gains).clone()),
         (None, Some(Err(error))) => Err(ConfigError::new(format!("no `{name}` is given, and {error}"))),
         (None, None) => {

@@ -31,7 +31,10 @@ pub enum FileError {
         source: Box<FileError>,
     },
     /// Not a library at all.
-    #[error("begins with {found:?}, expected {:?}: this is no motion library", MAGIC)]
+    #[error(
+        "this is no motion library: it begins with `{}`; `motorium library build` makes one of recordings",
+        .found.escape_ascii()
+    )]
     Magic {
         /// Its first bytes.
         found: Vec<u8>,

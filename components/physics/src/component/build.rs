@@ -76,6 +76,7 @@ pub(super) fn load(
         pose,
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
     };
     let loaded = source.load_with(&options).map_err(|error| ConfigError::new(error.to_string()))?;
     let setup = RobotSetup::of(&loaded).map_err(|error| ConfigError::new(error.to_string()))?;

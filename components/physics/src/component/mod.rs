@@ -93,11 +93,11 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         randomise::declare(&config.randomise, &built, declare)?;
         let Built { simulation, robots, .. } = built;
         Pushes::new(&config.pushes, simulation.articulations())?;
-        for warning in simulation.warnings() {
-            // Links that are always close are how the robot is built: nothing that its user could mend.
-            if !matches!(warning, BuildWarning::SelfCollisionOff { .. }) {
-                declare.warn(warning.to_string());
-            }
+        // Links that are always close are how the robot is built: nothing that its user could mend.
+        let mut warnings = simulation.warnings().to_vec();
+        warnings.retain(|warning| !matches!(warning, BuildWarning::SelfCollisionOff { .. }));
+        for warning in BuildWarning::told(&warnings) {
+            declare.warn(warning);
         }
         for robot in &robots {
             declare.input::<state::JointCommand>(&robot.port("joint_command"), "commands of the drives");
@@ -203,7 +203,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             "steps_near_contact": totals.near_contact,
             "joints": self.simulation.joint_names(),
             "joint_position": self.simulation.positions(),
-            "warnings": self.simulation.warnings().iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "warnings": BuildWarning::told(self.simulation.warnings()),
         });
         if let Some(objects) = objects::report(&self.simulation) {
             result["objects"] = objects;

@@ -62,8 +62,8 @@ impl Component for CpgPolicy {
         CommandedJoints::declare(declare);
         declare.float("frequency", config.frequency, FREQUENCY, "Hz", "strides per second");
         declare.float("amplitude", 1.0, 0.0..=2.0, "", "factor of all amplitudes; 0 stands still");
-        let names: Vec<&str> = gaits.iter().map(|gait| name(*gait)).collect();
-        declare.choice("gait", &names, name(config.gait), "the gait");
+        let names: Vec<&str> = gaits.iter().map(|gait| gait.name()).collect();
+        declare.choice("gait", &names, config.gait.name(), "the gait");
         let offsets = vec![0.0; config.legs.len()];
         declare.array(
             "phase_offsets",
@@ -189,16 +189,6 @@ impl CpgPolicy {
         self.gait_changes += u64::from(self.walking.is_some_and(|walking| walking != gait));
         self.walking = Some(gait);
         Ok(())
-    }
-}
-
-fn name(gait: Gait) -> &'static str {
-    match gait {
-        Gait::Walk => "walk",
-        Gait::Trot => "trot",
-        Gait::Pace => "pace",
-        Gait::Bound => "bound",
-        Gait::Tripod => "tripod",
     }
 }
 

@@ -5,9 +5,10 @@ use motorium_primitives::profile::Shape;
 use motorium_primitives::reach::Repeat;
 use motorium_robots::PerJoint;
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 use crate::joint_command::earth;
+use crate::text_or_table::text_or_table;
 
 /// Configuration of `policy.trajectory`.
 ///
@@ -92,13 +93,19 @@ impl From<HomeConfig> for TrajectoryConfig {
 pub(super) const HOME: &str = "home";
 
 /// A goal of the joints.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(untagged)]
+#[derive(Debug, Clone, JsonSchema)]
+#[schemars(untagged)]
 pub enum JointGoal {
     /// The name of a pose of the robot's profile.
     Pose(String),
     /// A table.
     Table(JointGoalConfig),
+}
+
+impl<'de> Deserialize<'de> for JointGoal {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        text_or_table(deserializer, "the name of a pose, or a table", Self::Pose, Self::Table)
+    }
 }
 
 /// A goal of the joints, the time to get there and the time to stay. One of `pose`, `position` and `offset`.
@@ -107,8 +114,8 @@ pub enum JointGoal {
 pub struct JointGoalConfig {
     /// Pose of the robot's profile.
     pub pose: Option<String>,
-    /// Positions, rad or m: a list with one number for each joint, or a table by names of joints; joints without a number
-    /// stay as at the goal before.
+    /// Positions, rad or m: one number for all joints, a list with one for each, or a table by names of joints; joints
+    /// without a number stay as at the goal before.
     pub position: Option<JointNumbers>,
     /// Distances from the goal before, or from where the robot starts, rad or m: as `position`.
     pub offset: Option<JointNumbers>,
@@ -120,10 +127,13 @@ pub struct JointGoalConfig {
 
 /// Numbers of joints.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "expected one number, a list with one number per joint, or a table by names of joints"
+)]
 pub enum JointNumbers {
-    /// One for each joint.
-    Each(Vec<f64>),
+    /// One for all joints, or one for each.
+    Each(PerJoint),
     /// By names of joints.
     Named(std::collections::BTreeMap<String, f64>),
 }

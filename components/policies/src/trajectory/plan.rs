@@ -139,11 +139,12 @@ fn numbers(
     };
     let names = || model.joint_names().join(", ");
     match given {
-        JointNumbers::Each(given) if given.len() != model.joint_count() => {
-            let message = format!("{} numbers, expected {}: one per joint", given.len(), model.joint_count());
-            Err(ConfigError::key(key, message).advise(format!("in this order: {}", names())))
+        JointNumbers::Each(given) => {
+            let given = given.resolve(model.joint_count()).map_err(|error| {
+                ConfigError::key(key, error.to_string()).advise(format!("in this order: {}", names()))
+            })?;
+            given.into_iter().map(finite).collect()
         }
-        JointNumbers::Each(given) => given.iter().copied().map(finite).collect(),
         JointNumbers::Named(given) => {
             let mut targets = vec![Target::Beside(0.0); model.joint_count()];
             for (name, number) in given {

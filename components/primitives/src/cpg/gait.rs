@@ -1,5 +1,6 @@
 //! In which order legs move.
 
+use core::fmt;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, PI};
 
 use schemars::JsonSchema;
@@ -27,7 +28,7 @@ pub enum Gait {
 
 /// A gait for another number of legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{legs} legs have no {gait:?} gait: {}", advice(*.legs))]
+#[error("{legs} legs have no {gait} gait: {}", advice(*.legs))]
 pub struct GaitError {
     /// The gait.
     pub gait: Gait,
@@ -44,7 +45,24 @@ fn advice(legs: usize) -> &'static str {
     }
 }
 
+impl fmt::Display for Gait {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl Gait {
+    /// Its name, as graph files have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Walk => "walk",
+            Self::Trot => "trot",
+            Self::Pace => "pace",
+            Self::Bound => "bound",
+            Self::Tripod => "tripod",
+        }
+    }
+
     /// The gaits that a number of legs has; none for other numbers than 2, 4 and 6.
     pub fn of(legs: usize) -> &'static [Self] {
         match legs {
@@ -92,7 +110,7 @@ mod tests {
     #[test]
     fn a_gait_of_another_number_of_legs_is_refused_with_those_there_are() {
         let error = Gait::Tripod.phases(4).unwrap_err().to_string();
-        assert_eq!(error, "4 legs have no Tripod gait: take walk, trot, pace or bound");
+        assert_eq!(error, "4 legs have no tripod gait: take walk, trot, pace or bound");
         assert!(Gait::Walk.phases(5).unwrap_err().to_string().contains("two, four and six"));
     }
 

@@ -23,6 +23,16 @@ pub enum Variant {
 }
 
 impl Variant {
+    /// Its name, as files have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Classic => "classic",
+            Self::GoalSafe => "goal_safe",
+            Self::QuinticGoal => "quintic_goal",
+            Self::FinalVelocity => "final_velocity",
+        }
+    }
+
     /// True if the goal travels on a polynomial.
     pub fn plans_goal(self) -> bool {
         matches!(self, Self::QuinticGoal | Self::FinalVelocity)

@@ -143,6 +143,7 @@ fn names(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
     let source = RobotSource {
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
         name: &robot.name,
         text: &robot.urdf,
         base: &robot.base,

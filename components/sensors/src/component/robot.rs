@@ -21,6 +21,7 @@ pub(super) fn load(robot: &RobotReference, base: BaseMode) -> Result<Loaded, Con
     let source = RobotSource {
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
         name: &robot.name,
         text: &robot.urdf,
         base: &robot.base,

@@ -2,7 +2,9 @@
 
 use schemars::JsonSchema;
 
-use crate::declare::BasePose;
+use serde_json::{Value as Json, json};
+
+use crate::declare::{BasePose, ParameterValue};
 use crate::graph::diagnostic::Report;
 use crate::graph::read::{At, Keys, Read, Value, good};
 use crate::graph::values::Triple;
@@ -21,6 +23,13 @@ pub(in crate::graph) struct RobotTable {
     pub package_path: Option<At<Vec<At<String>>>>,
     /// Pose of its base in the world. If left out: at the origin, or, for a floating base, where its profile has it.
     pub base: Option<At<BaseTable>>,
+    /// The link that tasks move (text). If left out: that of the only end effector of its profile.
+    pub frame: Option<At<String>>,
+    /// Where it starts and what its home pose is: a pose of its profile, one number for all joints, or a list of one for
+    /// each (rad or m). If left out: the home pose of its profile.
+    pub start: Option<At<ParameterValue>>,
+    /// Gains of its joints. If left out: those of its profile.
+    pub gains: Option<At<GainsTable>>,
     /// Known keys that misspelt ones probably mean.
     #[schemars(skip)]
     pub meant: Vec<&'static str>,
@@ -29,8 +38,49 @@ pub(in crate::graph) struct RobotTable {
 impl<'i> Read<'i> for RobotTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("robot.{key}"), value, report)?;
-        let mut table = take_fields!(keys, urdf, profile, package_path, base; meant: Vec::new());
+        let mut table =
+            take_fields!(keys, urdf, profile, package_path, base, frame, start, gains; meant: Vec::new());
         table.meant = keys.finish(&format!("robot `{key}`"));
+        Some(table)
+    }
+}
+
+impl RobotTable {
+    /// The settings in place of a profile, for the loader of robots; `None` if there are none.
+    pub(in crate::graph) fn settings(&self) -> Option<Json> {
+        let frame = good(&self.frame).map(|frame| ("frame", json!(frame)));
+        let start = good(&self.start).map(|start| ("start", json!(start)));
+        let gains = good(&self.gains).map(|gains| ("gains", gains.settings()));
+        let settings: serde_json::Map<String, Json> = [frame, start, gains]
+            .into_iter()
+            .flatten()
+            .map(|(key, value)| (key.to_string(), value))
+            .collect();
+        (!settings.is_empty()).then_some(Json::Object(settings))
+    }
+}
+
+/// Gains of the joints of a robot: one number for all, or a list of one for each.
+#[derive(Debug, JsonSchema)]
+#[schemars(deny_unknown_fields, rename = "Gains")]
+pub(in crate::graph) struct GainsTable {
+    /// Stiffness (N m/rad, N/m).
+    pub kp: Option<At<ParameterValue>>,
+    /// Damping (N m s/rad, N s/m).
+    pub kd: Option<At<ParameterValue>>,
+}
+
+impl GainsTable {
+    fn settings(&self) -> Json {
+        json!({ "kp": good(&self.kp), "kd": good(&self.kd) })
+    }
+}
+
+impl<'i> Read<'i> for GainsTable {
+    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
+        let mut keys = Keys::read(key, value, report)?;
+        let table = take_fields!(keys, kp, kd);
+        keys.finish("`gains`");
         Some(table)
     }
 }

@@ -1,6 +1,7 @@
 //! Errors and warnings of components about their own configuration, with the places of the keys that they name.
 
 use super::Draft;
+use super::wording::reworded;
 use crate::declare::{ConfigError, DeclareWarning};
 use crate::graph::diagnostic::Report;
 use crate::graph::json::find;
@@ -68,7 +69,7 @@ pub(super) fn problem(
         None => "`motorium kinds KIND` describes every key of `config`".to_string(),
     });
     report
-        .error(format!("{subject}: {message}"))
+        .error(format!("{subject}: {}", reworded(message)))
         .at(&place, format!("refused by {}", draft.what()))
         .advise(advice);
 }

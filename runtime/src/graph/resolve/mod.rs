@@ -24,6 +24,7 @@ pub(super) mod siblings;
 mod timing;
 mod topics;
 mod wiring;
+mod wording;
 
 use std::path::Path;
 

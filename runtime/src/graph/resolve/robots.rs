@@ -46,21 +46,37 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
                 package_path: packages
                     .filter_map(|at| Some(context.sources.folder(&at.span).join(at.get()?)))
                     .collect(),
+                settings: table.settings(),
             };
             let checked = (context.registry.robots().check)(&reference);
             for doubt in checked.iter().flatten() {
                 report.warning(format!("robot `{name}`: {doubt}")).at(&urdf.span, "this model");
             }
             if let Err(error) = checked {
-                let (place, label) = match (error.key.as_deref(), profile) {
-                    (Some("profile"), Some((_, span))) => (span, "this profile cannot be used"),
-                    _ => (&urdf.span, "this model cannot be used"),
+                let key = error.key.as_deref();
+                let own = match key {
+                    Some("profile") => profile.map(|(_, span)| span),
+                    Some("frame") => table.frame.as_ref().map(|at| &at.span),
+                    Some("start") => table.start.as_ref().map(|at| &at.span),
+                    Some("gains") => table.gains.as_ref().map(|at| &at.span),
+                    _ => None,
                 };
+                let is_setting = own.is_some() && key != Some("profile");
+                let label = match (own, is_setting) {
+                    (Some(_), true) => "it does not fit this robot",
+                    (Some(_), false) => "this profile cannot be used",
+                    (None, _) => "this model cannot be used",
+                };
+                let place = own.unwrap_or(&urdf.span);
                 let diagnostic = report.error(format!("robot `{name}`: {}", error.message)).at(place, label);
-                diagnostic.advise(error.advice.unwrap_or_else(|| {
-                    "`urdf` is a name of the catalogue, a folder, or a URDF file beside the graph file"
-                        .to_string()
-                }));
+                let usual = match is_setting {
+                    true => format!("`motorium robot show {model}` lists its joints, frames and poses"),
+                    false => {
+                        "`urdf` is a name of the catalogue, a folder, or a URDF file beside the graph file"
+                            .to_string()
+                    }
+                };
+                diagnostic.advise(error.advice.unwrap_or(usual));
                 return None;
             }
             named.then_some(reference)

@@ -8,6 +8,7 @@ use anyhow::Context as _;
 use motorium_library::{MotionLibrary, Superposition, file};
 
 use crate::chart::{Chart, Series, Tile, tiles};
+use crate::commands::primitive::per_dimension;
 use crate::out::{out, outln};
 
 /// Generate a movement: of the library, of given weights, or between two.
@@ -32,10 +33,10 @@ pub(super) struct Generate {
     /// Number of eigenforces to use: all if not given
     #[arg(long)]
     eigenforces: Option<usize>,
-    /// Start position, one number for each degree of freedom; the goal is shifted with it
+    /// Start position, one number for each degree of freedom or for all; the goal is shifted with it
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
     start: Vec<f64>,
-    /// Goal position, one number for each degree of freedom
+    /// Goal position, one number for each degree of freedom or for all
     #[arg(long, value_delimiter = ',', allow_hyphen_values = true)]
     goal: Vec<f64>,
     /// Seconds from start to goal
@@ -56,20 +57,15 @@ impl Generate {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let library = file::read(&self.file)?;
         let movement = self.movement(&library)?;
-        let dofs = library.layout().dofs();
-        for (name, values) in [("--start", &self.start), ("--goal", &self.goal)] {
-            anyhow::ensure!(
-                values.is_empty() || values.len() == dofs,
-                "{name} has {} numbers, expected {dofs}",
-                values.len()
-            );
-        }
+        let given = |option: &str, values: &[f64]| {
+            let given = Some(values).filter(|values| !values.is_empty());
+            given.map(|values| per_dimension(option, values, library.layout().names())).transpose()
+        };
+        let (start, goal) = (given("--start", &self.start)?, given("--goal", &self.goal)?);
         if let Some(duration) = self.duration {
             anyhow::ensure!(duration > 0.0, "--duration is {duration}, expected a positive time");
         }
-        let given = |values: &Vec<f64>| (!values.is_empty()).then(|| values.clone());
-        let movement =
-            movement.placed(given(&self.start).as_deref(), given(&self.goal).as_deref(), self.duration);
+        let movement = movement.placed(start.as_deref(), goal.as_deref(), self.duration);
         let path = movement.path(&library);
         let time = |k: usize| movement.frame.duration * k as f64 * library.spring().step();
         if let Some(plot) = &self.plot {

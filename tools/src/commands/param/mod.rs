@@ -79,7 +79,7 @@ struct Get {
 #[derive(Debug, clap::Args)]
 struct Set {
     /// The parameter and its value, or each as COMPONENT.PARAMETER=VALUE. A value is a number, `true` or `false`, one of
-    /// the choices, or an array such as `[0, 0.5]`
+    /// the choices, or an array such as `[0, 0.5]`, for which one number stands for all
     #[arg(value_name = "COMPONENT.PARAMETER VALUE", required = true, num_args = 1.., allow_negative_numbers = true,
           add = crate::complete::parameters())]
     values: Vec<String>,
@@ -126,9 +126,12 @@ fn value(text: &str, kind: ParameterKind) -> Result<ParameterValue, String> {
     }
 }
 
-/// Parses numbers in brackets, or without.
+/// Parses numbers in brackets, or without; one number without brackets stands for all of the array.
 fn array(text: &str) -> Result<ParameterValue, String> {
     let inside = text.trim();
+    if let Some(all) = inside.parse::<f64>().ok().filter(|all| all.is_finite()) {
+        return Ok(ParameterValue::Float(all));
+    }
     let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
     let numbers = inside.split(',').map(|number| number.trim().parse::<f64>());
     let numbers: Result<Vec<f64>, _> = numbers.collect();
@@ -250,7 +253,9 @@ mod tests {
         for text in ["[1, -2.5]", "1,-2.5", " [ 1 , -2.5 ] "] {
             assert_eq!(value(text, ParameterKind::Array), Ok([1.0, -2.5].into()), "{text}");
         }
-        for text in ["[1, nan]", "[]", "[1", "one"] {
+        assert_eq!(value("0.2", ParameterKind::Array), Ok(ParameterValue::Float(0.2)));
+        assert_eq!(value("[0.2]", ParameterKind::Array), Ok([0.2].into()));
+        for text in ["[1, nan]", "[]", "[1", "one", "nan"] {
             assert!(value(text, ParameterKind::Array).unwrap_err().contains("finite numbers"), "{text}");
         }
     }

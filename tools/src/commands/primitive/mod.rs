@@ -38,6 +38,19 @@ impl PrimitiveCommand {
 #[derive(Debug, Clone, PartialEq)]
 struct Numbers(Vec<f64>);
 
+/// The numbers of an option, one for each dimension; one number stands for all.
+pub(super) fn per_dimension(option: &str, given: &[f64], names: &[String]) -> anyhow::Result<Vec<f64>> {
+    match given {
+        [all] => Ok(vec![*all; names.len()]),
+        each if each.len() == names.len() => Ok(each.to_vec()),
+        each => anyhow::bail!(
+            "{option} has {} numbers, expected one for all, or one for each of {}",
+            each.len(),
+            names.join(", ")
+        ),
+    }
+}
+
 fn numbers(text: &str) -> Result<Numbers, String> {
     let number = |part: &str| match part.trim().parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),

@@ -10,7 +10,7 @@ use motorium_primitives::file::PrimitiveFile;
 use motorium_primitives::rollout::{Override, Trajectory, ViaPoint, roll_out};
 
 use super::plot;
-use super::{Numbers, numbers};
+use super::{Numbers, numbers, per_dimension};
 
 /// Run a primitive: as demonstrated, or with another start, goal, duration or via points.
 ///
@@ -83,11 +83,13 @@ fn via(text: &str) -> Result<ViaPoint, String> {
 impl Replay {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let file = PrimitiveFile::read(&self.file)?;
-        let given = |numbers: &Option<Numbers>| numbers.as_ref().map(|numbers| numbers.0.clone());
+        let given = |option: &str, numbers: &Option<Numbers>| {
+            numbers.as_ref().map(|numbers| per_dimension(option, &numbers.0, &file.names)).transpose()
+        };
         let overrides = Override {
-            start: given(&self.start),
-            goal: given(&self.goal),
-            final_velocity: given(&self.final_velocity),
+            start: given("--start", &self.start)?,
+            goal: given("--goal", &self.goal)?,
+            final_velocity: given("--final-velocity", &self.final_velocity)?,
             duration: self.duration,
             via: self.via.clone(),
             periods: self.periods,

@@ -8,6 +8,7 @@ use motorium_bridges::recording::{
 };
 
 use crate::out::{errln, out, outln};
+use crate::report::decimal;
 use crate::style;
 
 /// Compute from a recording what a run has reached: goals, path errors, tracking errors, limits, smoothness.
@@ -115,7 +116,7 @@ fn joints(score: &JointsScore) -> String {
         "\n{}{after}, rad or m\n  {:width$}  {:>10}  {:>10}  {:>10}  {:>9}  {:>9}  {:>6}\n",
         score.state, "joint", "error rms", "error max", "margin", "velocity", "effort", "beyond"
     );
-    let number = |value: Option<f64>| value.map_or("-".to_string(), |value| format!("{value:.3e}"));
+    let number = |value: Option<f64>| value.map_or("-".to_string(), decimal);
     let share = |value: Option<f64>| value.map_or("-".to_string(), |value| format!("{:.1} %", 100.0 * value));
     for joint in &score.joints {
         let JointScore { name, tracking_rms, tracking_max, position_margin, beyond_limits, .. } = joint;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use motorium_learners::experiments::body::{Body, CHANNELS, RATE, difference, learned_alone, windows};
 use motorium_learners::experiments::search::{Search, SearchSpace, is_clearly_larger};
-use motorium_library::statistics::mean_and_error;
+use motorium_library::statistics::{mean_and_error, with_error};
 use motorium_library::{MotionLibrary, Recordings};
 use motorium_recordings::Selection;
 
@@ -101,7 +101,7 @@ fn composed(
     let words = |n: usize| {
         let each = kinds.map(|(name, _)| {
             let (mean, error) = found(name, n);
-            format!("{name} {mean:.4} +- {error:.4}")
+            format!("{name} {}", with_error(mean, error))
         });
         format!("n = {n}: {}", each.join(", "))
     };
@@ -135,7 +135,7 @@ fn composed(
     let wins = |n: usize| is_clearly_larger(reward("arms + legs", n), reward("full body", n));
     let words: Vec<String> = finals
         .iter()
-        .map(|(name, n, (mean, error))| format!("{name}, n = {n}: {mean:.3} +- {error:.3}"))
+        .map(|(name, n, (mean, error))| format!("{name}, n = {n}: {}", with_error(*mean, *error)))
         .collect();
     let claim = "policy search for composed movements is better in libraries of parts";
     writer.claim("3.19", claim, wins(16) && wins(64), words.join("; "));

@@ -3,7 +3,7 @@
 //! Figures whose number is not certain are named by their content.
 
 use motorium_library::cross_validation::{FORCE, POSITION};
-use motorium_library::statistics::{mean_and_deviation, proportion_error};
+use motorium_library::statistics::{mean_and_deviation, proportion_error, with_error};
 use motorium_library::{
     BALANCED, CrossValidation, Evaluation, Metric, MotionLibrary, Movement, Recordings, SampledSpring,
     Truncation, compare, kernel_error, nearest_neighbour_rate,
@@ -207,7 +207,7 @@ pub(super) fn splits(
     let words = [FORCE, POSITION, BALANCED].map(|basis| {
         let each = [16, 32, 64].map(|n| {
             let (mean, deviation) = at(basis, n);
-            format!("{mean:.5} +- {deviation:.5}")
+            with_error(mean, deviation)
         });
         format!("{basis} {}", each.join(", "))
     });

@@ -2,7 +2,7 @@
 
 use motorium_learners::experiments::perception::{CurveErrors, Letters};
 use motorium_learners::perception::Training;
-use motorium_library::statistics::mean_and_error;
+use motorium_library::statistics::{mean_and_error, with_error};
 use motorium_library::{DAMPING, Recordings, SampledSpring};
 use nalgebra::DMatrix;
 
@@ -80,7 +80,7 @@ fn claims(
     writer.write("fig-3-17-errors.csv", &csv)?;
     let percent = |values: &[f64]| {
         let (mean, error) = mean_and_error(values);
-        format!("{:.2} +- {:.2} %", 100.0 * mean, 100.0 * error)
+        format!("{} %", with_error(100.0 * mean, 100.0 * error))
     };
     let of_seeds: Vec<f64> = networks.iter().map(|errors| mean_and_error(&errors.begun).0).collect();
     let seeds: Vec<String> = of_seeds.iter().map(|error| format!("{:.2}", 100.0 * error)).collect();

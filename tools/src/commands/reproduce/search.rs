@@ -1,6 +1,7 @@
 //! Policy search on library weights and on kernel weights.
 
 use motorium_learners::experiments::search::{Goal, KernelPrior, Search, SearchSpace, is_clearly_larger};
+use motorium_library::statistics::with_error;
 use motorium_library::{MotionLibrary, Recordings};
 
 use super::letters::chart;
@@ -23,7 +24,7 @@ impl Found {
 
     fn describe(&self) -> String {
         let Self { n, library: l, kernels: k, prior } = self;
-        format!("n = {n}: library {:.3} +- {:.3}, {prior} {:.3} +- {:.3}", l.0, l.1, k.0, k.1)
+        format!("n = {n}: library {}, {prior} {}", with_error(l.0, l.1), with_error(k.0, k.1))
     }
 }
 

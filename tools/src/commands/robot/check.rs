@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use motorium_robots::{Loaded, MimicMode, Model};
+use motorium_robots::{Loaded, MimicMode, Model, ModelWarning};
 use serde_json::json;
 
 use super::source::RobotArgs;
@@ -39,9 +39,20 @@ impl Check {
         } else {
             print(&loaded, &self.robot.robot);
         }
-        let refused = self.strict && !loaded.warnings.is_empty();
+        let refused = self.strict && !warnings(&loaded).is_empty();
         Ok(if refused { exit::invalid() } else { ExitCode::SUCCESS })
     }
+}
+
+/// The defects of its file; and a robot that touches nothing.
+fn warnings(robot: &Loaded) -> Vec<String> {
+    let mut warnings = ModelWarning::told(&robot.warnings);
+    if !robot.model.has_shapes() {
+        let told = "no link has a collision shape: in physics the robot passes through the ground and all objects; \
+                    `motorium robot hulls` gives its links the hulls of their visuals";
+        warnings.push(told.to_string());
+    }
+    warnings
 }
 
 fn report(robot: &Loaded) -> serde_json::Value {
@@ -50,15 +61,16 @@ fn report(robot: &Loaded) -> serde_json::Value {
         "name": robot.model.name(),
         "file": robot.path,
         "size": facts::size(&robot.model),
-        "warnings": robot.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "warnings": warnings(robot),
     })
 }
 
 fn print(robot: &Loaded, asked: &str) {
-    for warning in &robot.warnings {
+    let warnings = warnings(robot);
+    for warning in &warnings {
         errln!("{}: {warning}", style::warning("warning"));
     }
-    let count = match robot.warnings.len() {
+    let count = match warnings.len() {
         0 => style::good("ok:"),
         1 => format!("{} it loads with 1 warning:", style::good("ok:")),
         count => format!("{} it loads with {count} warnings:", style::good("ok:")),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_robots::{Loaded, MimicMode, ProfileChoice, draft_profile};
+use motorium_robots::{Loaded, MimicMode, ModelWarning, ProfileChoice, draft_profile};
 
 use super::source::RobotArgs;
 use crate::out::{errln, out, outln};
@@ -34,7 +34,7 @@ impl Profile {
             Ok(robot) => robot,
             Err(code) => return Ok(code),
         };
-        for warning in &robot.warnings {
+        for warning in ModelWarning::told(&robot.warnings) {
             errln!("{}: {warning}", style::warning("warning"));
         }
         let text = draft_profile(&robot);

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::process::ExitCode;
 
 use comfy_table::CellAlignment;
-use motorium_robots::{Coordinate, Loaded, MimicMode, Model, Posture, Profile};
+use motorium_robots::{Coordinate, Loaded, MimicMode, Model, ModelWarning, Posture, Profile};
 
 use super::facts::{self, short};
 use super::source::RobotArgs;
@@ -68,7 +68,7 @@ fn describe(robot: &Loaded) -> String {
         }
     }
     text += &postures(&robot.postures);
-    for warning in &robot.warnings {
+    for warning in ModelWarning::told(&robot.warnings) {
         let _ = writeln!(text, "{}: {warning}", style::warning("warning"));
     }
     text

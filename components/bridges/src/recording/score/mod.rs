@@ -101,6 +101,7 @@ fn load(robot: &RobotReference) -> Option<Loaded> {
         base: &robot.base,
         profile: robot.profile.as_deref(),
         packages: &robot.package_path,
+        settings: robot.settings.as_ref(),
         pose: robot.pose.map(|pose| BasePose { position: pose.position, rpy: pose.rpy }),
     };
     source.load().ok()

@@ -72,16 +72,11 @@ impl JointImpedanceConfig {
         gain.check(place)?;
         let of = |name: &str, given: &PerJoint| {
             let key = format!("impedance.{name}");
-            let values = match given {
-                PerJoint::All(value) => vec![*value; place.model.joint_count()],
-                PerJoint::Each(values) => {
-                    per_joint(&place.key(&key), values, place.model)?.as_slice().to_vec()
-                }
-            };
+            let values = per_joint(&place.key(&key), given, place.model)?;
             for value in &values {
                 place.in_range(&key, *value, FIGURES)?;
             }
-            Ok(values)
+            Ok(values.as_slice().to_vec())
         };
         Ok([of("stiffness", &self.stiffness)?, of("damping", &self.damping)?])
     }

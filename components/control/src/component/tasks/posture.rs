@@ -68,13 +68,7 @@ impl PostureConfig {
                     .advise("give `positions`, or put a profile beside the URDF"));
             }
             (Some(name), None, Some(profile)) => (profile.pose(model, name).map_err(refused)?, false),
-            (None, Some(positions), _) => {
-                let positions = match positions {
-                    PerJoint::All(position) => vec![*position; model.joint_count()],
-                    PerJoint::Each(positions) => positions.clone(),
-                };
-                (per_joint(&place.key("positions"), &positions, model)?, false)
-            }
+            (None, Some(positions), _) => (per_joint(&place.key("positions"), positions, model)?, false),
             (None, None, Some(profile)) => (profile.home(model).map_err(refused)?, false),
             (None, None, None) => (DVector::zeros(model.joint_count()), true),
         };

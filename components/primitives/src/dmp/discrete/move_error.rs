@@ -30,7 +30,10 @@ pub enum MoveError {
         found: f64,
     },
     /// A final velocity for a variant that ends at rest.
-    #[error("a {variant:?} primitive ends at rest: for a final velocity take FinalVelocity")]
+    #[error(
+        "a primitive of the variant {} ends at rest: one of the variant final_velocity takes a final velocity",
+        .variant.name()
+    )]
     EndsAtRest {
         /// The variant.
         variant: Variant,

@@ -37,9 +37,7 @@ impl PoseArgs {
         let model = &robot.model;
         if let Some(profile) = &robot.profile {
             let name = self.pose.as_ref().unwrap_or(&profile.home);
-            let known = || profile.poses.keys().cloned().collect::<Vec<_>>().join(", ");
-            let q = profile.configuration(model, name);
-            return Ok(q.with_context(|| format!("poses: {}", known()))?.as_slice().to_vec());
+            return Ok(profile.configuration(model, name)?.as_slice().to_vec());
         }
         anyhow::ensure!(self.pose.is_none(), "the robot has no profile, so its poses have no names; use --q");
         let mut q = model.neutral();

@@ -1,0 +1,168 @@
+//! What a graph file says of a robot in place of its profile: frame, start and gains.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+
+use crate::profile::{GainArrays, tip_joints};
+use crate::{BaseKind, EndEffector, Loaded, Model, PerJoint, Profile};
+
+/// A setting of a robot in a graph file that does not fit it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("`{key}`: {message}")]
+pub struct SettingError {
+    /// The key: `frame`, `start` or `gains`.
+    pub key: &'static str,
+    /// What is wrong with its value.
+    pub message: String,
+}
+
+impl SettingError {
+    fn new(key: &'static str, message: impl ToString) -> Self {
+        Self { key, message: message.to_string() }
+    }
+}
+
+/// Settings of a robot in a graph file.
+pub(crate) struct Settings {
+    /// The frame that tasks move.
+    frame: Option<String>,
+    start: Option<Start>,
+    gains: Option<GivenGains>,
+}
+
+/// The configuration to start from, which is the home pose, too.
+#[derive(Deserialize)]
+#[serde(
+    untagged,
+    expecting = "expected the name of a pose, one number for all joints, or a list with one number per joint"
+)]
+enum Start {
+    Pose(String),
+    Position(PerJoint),
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GivenGains {
+    kp: Option<PerJoint>,
+    kd: Option<PerJoint>,
+}
+
+impl Settings {
+    /// Reads the settings of a table with the keys `frame`, `start` and `gains`.
+    pub(crate) fn read(table: &Value) -> Result<Self, SettingError> {
+        Ok(Self { frame: read(table, "frame")?, start: read(table, "start")?, gains: read(table, "gains")? })
+    }
+
+    /// Changes the profile of a robot, or gives it one.
+    pub(crate) fn apply(self, robot: &mut Loaded) -> Result<(), SettingError> {
+        let model = &robot.model;
+        let mut profile = robot.profile.take().unwrap_or_else(|| without_poses(model));
+        if let Some(given) = self.gains {
+            set_gains(&mut profile, given, model)?;
+        }
+        match self.start {
+            None => {}
+            Some(Start::Pose(name)) => {
+                profile.pose(model, &name).map_err(|error| SettingError::new("start", error))?;
+                profile.home = name;
+            }
+            Some(Start::Position(position)) => set_start(&mut profile, &position, model)?,
+        }
+        if let Some(frame) = self.frame {
+            set_frame(&mut profile, frame, model)?;
+        }
+        robot.profile = Some(profile);
+        Ok(())
+    }
+}
+
+fn read<T: DeserializeOwned>(table: &Value, key: &'static str) -> Result<Option<T>, SettingError> {
+    let value = table.get(key).filter(|value| !value.is_null()).cloned();
+    value
+        .map(|value| serde_json::from_value(value).map_err(|error| SettingError::new(key, error)))
+        .transpose()
+}
+
+/// A profile of a robot that has none: its home pose is zero, or the limit that is nearest.
+fn without_poses(model: &Model) -> Profile {
+    let mut profile = Profile::empty();
+    profile.title = model.name().to_owned();
+    profile.joints = model.joint_names().to_vec();
+    if model.base().floating {
+        profile.base = BaseKind::Floating;
+    }
+    let limits = model.lower().iter().zip(model.upper().iter());
+    let zero = limits.map(|(lower, upper)| 0.0_f64.max(*lower).min(*upper)).collect();
+    profile.home = "zero".to_owned();
+    profile.poses = BTreeMap::from([(profile.home.clone(), PerJoint::Each(zero))]);
+    profile
+}
+
+/// Numbers in the order of the model's joints, as a list of the profile.
+fn listed(profile: &Profile, model: &Model, values: &[f64]) -> PerJoint {
+    let of = |joint: &String| model.joint_index(joint).map_or(0.0, |index| values[index]);
+    PerJoint::Each(profile.joints.iter().map(of).collect())
+}
+
+/// One number for each joint of the model, in its order.
+fn resolved(given: &PerJoint, key: &'static str, model: &Model) -> Result<Vec<f64>, SettingError> {
+    given.resolve(model.joint_count()).map_err(|error| {
+        SettingError::new(key, format!("{error}, in this order: {}", model.joint_names().join(", ")))
+    })
+}
+
+fn set_gains(profile: &mut Profile, given: GivenGains, model: &Model) -> Result<(), SettingError> {
+    let of = |given: Option<PerJoint>, name: &str, known: Option<PerJoint>| {
+        let Some(given) = given else {
+            let message = format!("`{name}` is missing, and the robot has no profile with gains");
+            return known.ok_or_else(|| SettingError::new("gains", message));
+        };
+        let values = resolved(&given, "gains", model)?;
+        match values.iter().find(|value| !(value.is_finite() && **value >= 0.0)) {
+            Some(value) => {
+                let message = format!("`{name}` has {value}, expected a finite number of at least 0");
+                Err(SettingError::new("gains", message))
+            }
+            None => Ok(listed(profile, model, &values)),
+        }
+    };
+    let (known_kp, known_kd) = profile.gains.clone().map(|GainArrays { kp, kd }| (kp, kd)).unzip();
+    let (kp, kd) = (of(given.kp, "kp", known_kp)?, of(given.kd, "kd", known_kd)?);
+    profile.gains = Some(GainArrays { kp, kd });
+    Ok(())
+}
+
+/// Name of the pose that a graph gives by its numbers.
+const START: &str = "start";
+
+fn set_start(profile: &mut Profile, position: &PerJoint, model: &Model) -> Result<(), SettingError> {
+    let values = resolved(position, START, model)?;
+    for (index, value) in values.iter().enumerate() {
+        let (lower, upper) = (model.lower()[index], model.upper()[index]);
+        if !(lower..=upper).contains(value) {
+            let joint = &model.joint_names()[index];
+            let message = format!("joint `{joint}` starts at {value}, outside its limits {lower} to {upper}");
+            return Err(SettingError::new(START, message));
+        }
+    }
+    if let Some(base) = profile.base_poses.get(&profile.home).copied() {
+        profile.base_poses.insert(START.to_owned(), base);
+    }
+    profile.poses.insert(START.to_owned(), listed(profile, model, &values));
+    profile.home = START.to_owned();
+    Ok(())
+}
+
+fn set_frame(profile: &mut Profile, frame: String, model: &Model) -> Result<(), SettingError> {
+    let id = model.end_effector(None, Some(&frame)).map_err(|error| SettingError::new("frame", error))?;
+    profile.end_effectors.retain(|_, end| end.frame == frame);
+    if profile.end_effectors.is_empty() {
+        let (joints, fingers) = tip_joints(model, id);
+        profile.end_effectors.insert("tool".to_owned(), EndEffector { frame, joints, fingers });
+    }
+    Ok(())
+}

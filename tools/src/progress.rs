@@ -1,0 +1,132 @@
+//! The progress of a run in one short line a second: what changed since the line before.
+
+use motorium::launcher::{ComponentStatus, Status};
+use motorium::region::{Misses, Phase};
+
+use crate::screen::causes;
+
+/// Components whose changes are told in a line; the rest are counted.
+const TOLD: usize = 3;
+
+/// What was told of the components last.
+#[derive(Debug, Default)]
+pub(crate) struct Progress {
+    told: Vec<Told>,
+}
+
+#[derive(Debug, Clone, Copy, Default)]
+struct Told {
+    misses: Misses,
+    restarts: u64,
+    safe: bool,
+}
+
+impl Progress {
+    /// The line of a state: the components that missed steps, were restarted, or entered or left their safe state.
+    pub(crate) fn line(&mut self, status: &Status) -> String {
+        let mut first = self.told.is_empty();
+        if self.told.len() != status.components.len() {
+            (self.told, first) = (vec![Told::default(); status.components.len()], true);
+        }
+        let changes: Vec<String> = status
+            .components
+            .iter()
+            .zip(&mut self.told)
+            .filter_map(|(component, told)| change(component, told, first))
+            .collect();
+        let running = status.components.iter().filter(|component| component.phase == Phase::Running).count();
+        let (all, seconds) = (status.components.len(), status.elapsed_ns as f64 * 1e-9);
+        let told = match changes.len() {
+            0 if running == all => format!("{all} components run"),
+            0 => format!("{running} of {all} components run"),
+            count if count > TOLD => {
+                format!("{}; {} others, too", changes[..TOLD].join("; "), count - TOLD)
+            }
+            _ => changes.join("; "),
+        };
+        format!("{seconds:5.1} s  {told}")
+    }
+}
+
+/// The changes of a component, which are told from now on. A safe state at the `first` line is how a run begins.
+fn change(component: &ComponentStatus, told: &mut Told, first: bool) -> Option<String> {
+    let ComponentStatus { report, safe, .. } = component;
+    let now = Told { misses: report.misses, restarts: report.restarts.into(), safe: *safe };
+    let before = std::mem::replace(told, now);
+    let mut changes = Vec::new();
+    let missed = since(&now.misses, &before.misses);
+    if missed.missed() > 0 {
+        changes.push(format!("missed {}", causes(&missed)));
+    }
+    match now.restarts.saturating_sub(before.restarts) {
+        0 => {}
+        1 => changes.push("was restarted".to_string()),
+        count => changes.push(format!("was restarted {count} times")),
+    }
+    match (before.safe, now.safe) {
+        (false, true) => changes.push("is in its safe state".to_string()),
+        (true, false) if !first => changes.push("left its safe state".to_string()),
+        _ => {}
+    }
+    (!changes.is_empty()).then(|| format!("{} {}", report.name, changes.join(", ")))
+}
+
+/// The misses since a moment.
+fn since(now: &Misses, before: &Misses) -> Misses {
+    let more = |now: u64, before: u64| now.saturating_sub(before);
+    Misses {
+        stolen: more(now.stolen, before.stolen),
+        late_wake: more(now.late_wake, before.late_wake),
+        long_step: more(now.long_step, before.long_step),
+        late_input: more(now.late_input, before.late_input),
+        ..Misses::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use motorium::launcher::ComponentReport;
+
+    use super::*;
+
+    fn component(name: &str, stolen: u64, restarts: u64, safe: bool) -> ComponentStatus {
+        let report = ComponentReport {
+            name: name.to_string(),
+            misses: Misses { stolen, ..Misses::default() },
+            restarts: restarts.try_into().expect("few"),
+            ..ComponentReport::default()
+        };
+        ComponentStatus { phase: Phase::Running, safe, report }
+    }
+
+    fn status(seconds: u64, components: Vec<ComponentStatus>) -> Status {
+        Status { elapsed_ns: seconds * 1_000_000_000, components, latencies: vec![], edges: vec![] }
+    }
+
+    #[test]
+    fn a_line_tells_what_changed_since_the_one_before_and_nothing_twice() {
+        let mut progress = Progress::default();
+        let with = |stolen, restarts, safe| {
+            vec![component("physics", stolen, 0, safe), component("policy", 0, restarts, false)]
+        };
+        assert_eq!(progress.line(&status(1, with(0, 0, false))), "  1.0 s  2 components run");
+        let line = progress.line(&status(2, with(2, 0, false)));
+        assert_eq!(line, "  2.0 s  physics missed 2 (2 stolen)");
+        assert_eq!(progress.line(&status(3, with(2, 0, false))), "  3.0 s  2 components run");
+        let line = progress.line(&status(4, with(3, 1, true)));
+        assert_eq!(line, "  4.0 s  physics missed 1 (1 stolen), is in its safe state; policy was restarted");
+        assert_eq!(progress.line(&status(5, with(3, 1, false))), "  5.0 s  physics left its safe state");
+    }
+
+    #[test]
+    fn a_line_stays_short_however_many_components_there_are() {
+        let many = |stolen| (0..40).map(|_| component("camera-servo", stolen, 0, false)).collect();
+        let mut progress = Progress::default();
+        assert_eq!(progress.line(&status(1, many(0))), "  1.0 s  40 components run");
+        let line = progress.line(&status(2, many(1)));
+        assert!(line.ends_with("; 37 others, too") && line.chars().count() < 130, "{line}");
+        let mut fewer: Vec<ComponentStatus> = many(1);
+        fewer[0].phase = Phase::Stopped;
+        assert_eq!(progress.line(&status(3, fewer)), "  3.0 s  39 of 40 components run");
+    }
+}
