@@ -176,7 +176,7 @@ fn a_rod_with_a_weight_attached_swings_with_the_period_of_both() {
         name: "weight".to_owned(),
         shape: ObjectShape::Sphere { radius: 0.02 },
         mass: Some(2.0),
-        position: [0.8 * 0.1_f64.sin() * -1.0, 0.0, -0.8 * 0.1_f64.cos()],
+        position: [-(0.8 * 0.1_f64.sin()), 0.0, -(0.8 * 0.1_f64.cos())],
         ..Object::default()
     };
     let world = World { objects: vec![weight], ..World::default() };
