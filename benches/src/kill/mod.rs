@@ -143,7 +143,9 @@ pub fn run(settings: &Settings, told: &mut dyn FnMut(u32)) -> Result<Summary, Me
                 break;
             }
             let (victim, fault) = deck.next(&mut random);
-            let pause = Duration::from_millis(random.random_range(1..300));
+            // Half of them are of those whose outcome counts.
+            let pauses = if random.random_range(0..2) == 0 { 20..=100 } else { 1..=300 };
+            let pause = Duration::from_millis(random.random_range(pauses));
             std::thread::sleep(Duration::from_millis(random.random_range(20..300)));
             let consequence = trial.inject(&settings.program, &victim, fault, pause);
             summary.faults += 1;
