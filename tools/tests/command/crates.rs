@@ -15,8 +15,8 @@ use serde::Deserialize;
 /// and reader of robotics opens; `socketcan`, with which drives reach the kernel's buses (seven crates); and `can-dbc`, which
 /// reads the databases of their messages (14 crates: a grammar for `pest`, and the encodings of old files); and
 /// `miniz_oxide`, which unpacks pictures that are terrain (two crates; the crate `png` brings four more); and
-/// `serde_path_to_error`, which names the key of a configuration that cannot be read: all are read in one way since, and a
-/// wing takes a third less to compile. `toml` and `signal-hook` are those of iceoryx2 and of the screen, and in the tree once.
+/// `serde_path_to_error`, which names the key of a configuration that cannot be read: all are read in one way since, where
+/// other ways were nearly a third of the code of `motorium-sensors`. `toml` and `signal-hook` are those of iceoryx2 and of the screen, and in the tree once.
 ///
 /// What goes with each subtree, where all others stay: iceoryx2 32, `mcap` and `foxglove` 26, `ratatui` 25, serde, its formats and
 /// schemas 18, the crates of the project 16, `parry3d` and `rapier3d` 15, clap 14, `can-dbc` 14, `clarabel` 14, `urdf-rs` 9,
