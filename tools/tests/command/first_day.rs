@@ -161,7 +161,7 @@ fn what_a_graph_says_of_a_robot_is_obeyed_by_all_its_components_or_refused_where
         ("robot.arm.start=9.0", &["joint `elbow` starts at 9, outside its limits -1 to 1"][..]),
         ("robot.arm.start=[0.1,0.2]", &["2 numbers, expected 1: one per joint, in this order: elbow"]),
         ("robot.arm.start=\"redy\"", &["no pose is named \"redy\" (there are zero)"]),
-        ("robot.arm.frame=\"amr\"", &["`amr`", "did you mean \"arm\"?"]),
+        ("robot.arm.frame=\"amr\"", &["has no link \"amr\"", "did you mean \"arm\"?"]),
         ("robot.arm.frame=\"base\"", &["no joint moves it"]),
         ("robot.arm.gains={kp=-1.0,kd=1.0}", &["`kp` has -1, expected a finite number of at least 0"]),
         ("robot.arm.gains={kp=1.0,ki=1.0}", &["unknown key `ki`"]),
