@@ -63,7 +63,8 @@ pub enum SolidKind {
 pub enum SolidProblem {
     /// The mesh file was not found when the robot was loaded.
     #[error(
-        "its mesh \"{uri}\" was not found; name the folder of its package, or leave the link out of the collision model"
+        "its mesh \"{uri}\" was not found; name the folder of its package by --package-path or ROS_PACKAGE_PATH, or leave the \
+         link out of the collision model"
     )]
     MissingMesh {
         /// Its name in the URDF.

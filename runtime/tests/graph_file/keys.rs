@@ -141,6 +141,7 @@ fn the_list_of_keys_is_complete() {
         "Realtime",
         "Robot",
         "Base",
+        "Gains",
         "Component",
         "Activate",
         "Topic",

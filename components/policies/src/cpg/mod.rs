@@ -149,7 +149,7 @@ impl Component for CpgPolicy {
     fn result(&self) -> Option<serde_json::Value> {
         Some(serde_json::json!({
             "model": self.model.name(),
-            "gait": self.walking.map(name),
+            "gait": self.walking.map(Gait::name),
             "gait_changes": self.gait_changes,
             "strides": self.strides,
             "pattern_error_rad": self.generator.gait_error(),

@@ -20,7 +20,7 @@ mod circle {
 }
 
 /// The component of the chapter on one with a robot in it, with the test that stands there.
-#[allow(dead_code)] // a library to the program that the chapter describes
+#[allow(dead_code, unreachable_pub)] // a library to the programs that the chapter describes
 mod admittance {
     include!("admittance.rs");
 
