@@ -79,7 +79,7 @@ fn the_quadruped_trots_by_model_predictive_control_at_the_velocity_that_it_is_to
     let _machine = machine();
     let graph = workspace().join("graphs/quadruped-mpc.toml");
     let trot =
-        |arguments: &[&str]| run(&graph, &[&["--clock", "lockstep", "--for", "6 s"], arguments].concat());
+        |arguments: &[&str]| run(&graph, &[&["--clock", "lockstep", "--for", "6 s"][..], arguments].concat());
     let ended = trot(&[]);
     let report = ended.report();
     let planner = &report.results["planner"];
@@ -95,7 +95,8 @@ fn the_quadruped_trots_by_model_predictive_control_at_the_velocity_that_it_is_to
         assert_eq!(component.allocations_apart.unwrap_or(0), 0, "{}", component.name);
     }
     assert_eq!(report.state_hash, trot(&[]).report().state_hash);
-    let aside = trot(&["--set", "planner.config.velocity=[0.0, 0.15, 0.0]"]);
+    let aside = ["planner.config.velocity=[0.0, 0.15, 0.0]", "physics.config={ pushes = [] }"];
+    let aside = trot(&["--set", aside[0], "--set", aside[1]]);
     let moved = aside.report().results["physics"]["base_travel_y_m"].as_f64().expect("a number");
     assert!((moved - 0.74).abs() < 0.1, "it went {moved} m aside");
 }

@@ -11,6 +11,7 @@ use motorium_robots::{Loaded, load};
 use nalgebra::Vector3;
 
 use crate::component::number;
+use crate::torque::refused;
 
 fn quadruped() -> Loaded {
     load("quadruped", Path::new(".")).unwrap()
@@ -99,8 +100,13 @@ fn a_base_that_moves_is_braked_and_a_velocity_that_is_wanted_is_gained() {
     assert!(forwards.x < -0.3 && backwards.x > 0.3, "{forwards} {backwards}");
     let aside = force([0.0, 0.3, 0.0], "{}");
     assert!(aside.y < -0.3, "{aside}");
-    let faster = force([0.0; 3], "{ velocity = [0.5, 0.0, 0.0], acceleration = 100.0 }");
-    assert!(faster.x > 0.3, "{faster}");
+    let faster = |gait: &str| {
+        force([0.0; 3], &format!("{{ velocity = [0.5, 0.0, 0.0], acceleration = 100.0, {gait} }}"))
+    };
+    let strides = "gait = { period = \"400 ms\", stand_for = \"0 s\", \
+                   offsets = { front_left = 0.0, front_right = 0.5, hind_left = 0.5, hind_right = 0.0 } }";
+    assert!(faster(strides).x > 0.3, "{}", faster(strides));
+    assert!(faster("").x.abs() < 0.05, "on all feet the body does not leave them: {}", faster(""));
 }
 
 #[test]
@@ -129,14 +135,6 @@ fn a_trot_lifts_its_diagonals_in_turn_and_its_swings_lead_ahead() {
     // half of the way of a stance ahead of where the body is when it lands
     assert!(farthest > 0.02 && farthest < 0.1, "{farthest}");
     assert_eq!(report.results["planner"]["swings"][0], targets.values().last().unwrap().goal);
-}
-
-#[track_caller]
-fn refused(graph: Graph, words: &[&str]) {
-    let error = graph.check().expect_err("it must be refused").render(false);
-    for words in words {
-        assert!(error.contains(words), "no `{words}` in\n{error}");
-    }
 }
 
 #[test]

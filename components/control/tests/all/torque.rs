@@ -66,7 +66,7 @@ fn levels_keep_a_strong_posture_from_disturbing_the_hand() {
 }
 
 #[track_caller]
-fn refused(graph: Graph, words: &[&str]) {
+pub(crate) fn refused(graph: Graph, words: &[&str]) {
     let error = graph.check().expect_err("it must be refused").render(false);
     for words in words {
         assert!(error.contains(words), "no `{words}` in\n{error}");

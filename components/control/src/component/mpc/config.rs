@@ -13,10 +13,7 @@ use crate::mpc::MpcWeights;
 /// ```toml
 /// horizon  = { steps = 10, step = "30 ms" }
 /// velocity = [0.3, 0.0, 0.0]
-///
-/// [component.planner.config.gait]
-/// period  = "400 ms"
-/// offsets = { front_left = 0.0, front_right = 0.5, hind_left = 0.5, hind_right = 0.0 }
+/// gait     = { period = "400 ms", offsets = { front_left = 0.0, front_right = 0.5, hind_left = 0.5, hind_right = 0.0 } }
 /// ```
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
