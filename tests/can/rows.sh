@@ -46,7 +46,7 @@ row off 'kind = "off", lasts = "50 ms", joint = "panda_joint4"'
 # a drive without power for a moment: what trips is released by one command, once the drive is back
 begin resumed --for 1500ms --set 'component.drives.config.faults=[{ at = "300 ms", kind = "off", lasts = "50 ms", joint = "panda_joint4" }]'
 sleep 0.7
-motorium resume arm-can >>errors 2>&1
+motorium resume >resumed 2>&1
 finish
 row babbling 'kind = "babbling", lasts = "200 ms", bus = "can0"'
 row passive 'kind = "disturbed", lasts = "200 ms", bus = "can0"'

@@ -1,7 +1,7 @@
 //! Stops of the robot while the graph runs, as events: `motorium stop --now`, emergency stops, latched safe states.
 
 use super::{Event, Launch};
-use crate::plan::{EMERGENCY_STOP_PORT, Plan};
+use crate::plan::{EMERGENCY_STOP_PORT, Plan, ResumeRule};
 use crate::region::{Latch, Region};
 
 impl Launch {
@@ -56,7 +56,12 @@ fn cause(plan: &Plan, latch: Latch, component: Option<usize>) -> String {
         }
         Latch::SafeState => {
             let actuator = component.map_or("an actuator", |index| &plan.components[index].name);
-            format!("since `{actuator}` entered its safe state and `resume` is \"latch\"")
+            match plan.safety.resume {
+                ResumeRule::Latch => {
+                    format!("since `{actuator}` entered its safe state and `resume` is \"latch\"")
+                }
+                _ => format!("since `{actuator}` tripped, for a reason that its result tells"),
+            }
         }
     }
 }
@@ -72,6 +77,9 @@ mod tests {
         let nodes = [node("physics", When::Every(1_000_000, 0), 1), node("button", When::After(0), 1)];
         let mut plan = graph(&nodes, 0, &[]);
         assert_eq!(cause(&plan, Latch::Stop, None), "by `motorium stop --now`");
+        let tripped = "since `physics` tripped, for a reason that its result tells";
+        assert_eq!(cause(&plan, Latch::SafeState, Some(0)), tripped);
+        plan.safety.resume = ResumeRule::Latch;
         assert_eq!(
             cause(&plan, Latch::SafeState, Some(0)),
             "since `physics` entered its safe state and `resume` is \"latch\""

@@ -12,7 +12,7 @@ use super::refused;
 use crate::commands::loading::GraphArgs;
 use crate::out::{out, outln};
 use crate::report::table;
-use crate::{exit, registry, robots};
+use crate::{registry, robots};
 
 /// Measure the offsets of the drives of a graph, while the robot is held in a pose of its profile.
 ///
