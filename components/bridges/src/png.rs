@@ -51,7 +51,7 @@ pub fn text(file: &[u8], keyword: &str) -> Option<String> {
     })
 }
 
-/// Places of the chunks of a file, and their data.
+/// Places of the chunks of a whole file, and their data.
 fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
     let (mut at, mut found) = (SIGNATURE.len(), Vec::new());
     if !file.starts_with(SIGNATURE) {
@@ -63,7 +63,8 @@ fn chunks(file: &[u8]) -> Option<Vec<(usize, &[u8])>> {
         found.push((at, file.get(at + 8..end)?));
         at = end + 4;
     }
-    Some(found)
+    let (last, _) = found.last()?;
+    (&file[last + 4..last + 8] == b"IEND" && at == file.len()).then_some(found)
 }
 
 fn chunk(kind: &[u8; 4], data: &[u8], file: &mut Vec<u8>) {
@@ -131,7 +132,7 @@ mod tests {
     #[test]
     fn a_file_that_is_cut_short_or_no_picture_has_no_text() {
         let file = with_text(&encode(1, 1, &[0; 3]), "page", "3f2a").unwrap();
-        for length in 0..file.len() - 4 {
+        for length in 0..file.len() {
             assert_eq!(text(&file[..length], "page"), None, "{length} of {} bytes", file.len());
         }
         assert_eq!(with_text(b"GIF89a", "page", "3f2a"), None);

@@ -83,7 +83,7 @@ impl Recorder {
         head(&mut writer, observer.plan(), &settings, start_ns).map_err(of_file)?;
         let event = Derived::new(&Event::layout())?;
         let events = event_channels(&mut writer, &event).map_err(of_file)?;
-        let mut topics = Vec::new();
+        let mut chosen = Vec::new();
         for (index, topic) in observer.plan().topics.iter().enumerate() {
             if !settings.taps.includes(&topic.name) {
                 continue;
@@ -96,10 +96,15 @@ impl Recorder {
             let channels = channels.collect::<Result<Vec<_>, _>>()?;
             // of slices that nobody can draw
             if !channels.is_empty() {
-                topics.push(Topic { index, tap: observer.tap(index)?, channels, samples: 0 });
+                chosen.push((index, channels));
             }
         }
         writer.flush().map_err(of_file)?;
+        // From here on nothing waits for the file: what is published is read.
+        let opened = chosen.into_iter().map(|(index, channels)| {
+            Ok::<_, RecordError>(Topic { index, tap: observer.tap(index)?, channels, samples: 0 })
+        });
+        let topics = opened.collect::<Result<Vec<_>, _>>()?;
         let events = Events { channels: events, derived: event, reader: EventReader::default(), told: 0 };
         let readers = Readers::new(observer, topics, events, clock, settings.drawn_every_ns);
         let sink = Sink::new(settings.output, writer, settings.last_ns);

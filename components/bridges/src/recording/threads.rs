@@ -37,8 +37,13 @@ pub(super) enum Order {
     End(Counts, BTreeMap<String, String>),
 }
 
-/// The two ends between the threads: orders, and emptied batches on their way back.
-pub(super) fn link() -> ((Sender<Order>, Receiver<Batch>), (Receiver<Order>, Sender<Batch>)) {
+/// The end of the thread that reads: its orders, and emptied batches on their way back.
+pub(super) type Reading = (Sender<Order>, Receiver<Batch>);
+/// The end of the thread that writes.
+pub(super) type Writing = (Receiver<Order>, Sender<Batch>);
+
+/// The two ends between the threads.
+pub(super) fn link() -> (Reading, Writing) {
     let (orders, taken) = bounded(BATCHES);
     let (emptied, batches) = bounded(BATCHES + 1);
     ((orders, batches), (taken, emptied))
@@ -47,7 +52,7 @@ pub(super) fn link() -> ((Sender<Order>, Receiver<Batch>), (Receiver<Order>, Sen
 /// Reads what is published until the component has stopped, or the file has ended.
 pub(super) fn read(
     mut readers: Readers,
-    (orders, emptied): (Sender<Order>, Receiver<Batch>),
+    (orders, emptied): Reading,
     stop: &StopRequest,
     poll: Duration,
     outcome: &Mutex<Outcome>,
@@ -59,8 +64,8 @@ pub(super) fn read(
         let last_round = stop.wait(poll);
         readers.read(&mut batch);
         let counts = readers.counts();
-        {
-            let mut outcome = outcome.lock().unwrap_or_else(PoisonError::into_inner);
+        // The one that writes may be held up while it has the lock: the next round tells.
+        if let Ok(mut outcome) = outcome.try_lock() {
             (outcome.counts.samples, outcome.counts.lost) = (counts.samples, counts.lost);
             outcome.cpu_ns[0] = Some(thread_cpu_ns());
         }
@@ -103,11 +108,7 @@ fn hand_over(orders: &Sender<Order>, batch: Batch) -> Handed {
 }
 
 /// Writes what was read until the reading ends, or the file cannot be written.
-pub(super) fn write(
-    mut sink: Sink,
-    (orders, emptied): &(Receiver<Order>, Sender<Batch>),
-    outcome: &Mutex<Outcome>,
-) {
+pub(super) fn write(mut sink: Sink, (orders, emptied): &Writing, outcome: &Mutex<Outcome>) {
     let mut nothing = Batch::default();
     loop {
         let written = match orders.recv_timeout(FLUSH_CHECK) {
