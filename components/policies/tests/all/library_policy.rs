@@ -8,7 +8,7 @@ use motorium::launcher::Report;
 use motorium::state::{JointState, PoseTarget};
 use motorium::telemetry::{allocations, counts_allocations};
 use motorium::transport::{Input, Output};
-use motorium::worker::{ConfigSource, Kind};
+use motorium::worker::Kind;
 use motorium_library::{
     DAMPING, Generator, Metric, MotionLibrary, Movement, Recogniser, Recordings, SampledSpring,
     Superposition, Trajectory, Truncation, file,
@@ -281,7 +281,7 @@ fn a_hand_is_led_by_pose_targets() {
         ..RobotReference::default()
     };
     let config = serde_json::json!({ "library": "letters", "movements": ["a"], "end_effector": { "origin": [0.4, 0.0, 0.4] } });
-    let declared = Kind::of::<LibraryPolicy>().declare(ConfigSource::Json(config), Some(robot)).unwrap();
+    let declared = Kind::of::<LibraryPolicy>().declare(config, Some(robot)).unwrap();
     let target = declared.ports.iter().find(|port| port.name == "target").unwrap();
     assert_eq!(target.layout.type_name, <PoseTarget as motorium::state::StateBuffer>::NAME);
 }

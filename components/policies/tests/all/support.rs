@@ -7,7 +7,7 @@ use motorium::declare::{ConfigError, RobotReference};
 use motorium::launcher::{Options, Report};
 use motorium::session;
 use motorium::telemetry::CountingAllocator;
-use motorium::worker::{ConfigSource, Kind, Registry, RobotSource};
+use motorium::worker::{Kind, Registry, RobotSource};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -44,5 +44,5 @@ pub(crate) fn refusal<C: Component>(
         base: base.into(),
         ..RobotReference::default()
     });
-    Kind::of::<C>().declare(ConfigSource::Json(config), robot).unwrap_err().error
+    Kind::of::<C>().declare(config, robot).unwrap_err().error
 }

@@ -4,7 +4,7 @@ use motorium::declare::{Direction, RobotReference};
 use motorium::launcher::Report;
 use motorium::prelude::*;
 use motorium::testing::{Graph, Instance, Probe, Source};
-use motorium::worker::{ConfigSource, Kind};
+use motorium::worker::Kind;
 use motorium_sensors::JointEncoder;
 
 /// An encoder with this `config` table and a probe of its readings, both behind `truth`.
@@ -104,7 +104,7 @@ fn declare(config: serde_json::Value, robot: bool) -> Result<Vec<String>, (Optio
         ..RobotReference::default()
     });
     Kind::of::<JointEncoder>()
-        .declare(ConfigSource::Json(config), robot)
+        .declare(config, robot)
         .map(|declaration| {
             let port = |direction| match direction {
                 Direction::Input => "in",

@@ -21,12 +21,13 @@ mod circle {
 
 /// The component of the chapter on one with a robot in it, with the test that stands there.
 #[allow(dead_code, unreachable_pub)] // a library to the programs that the chapter describes
+#[allow(clippy::approx_constant)] // angles as the profile of the Panda states them
 mod admittance {
-    include!("admittance.rs");
-
     pub(super) fn kind() -> motorium::worker::Kind {
         motorium::worker::Kind::of::<Admittance>()
     }
+
+    include!("admittance.rs");
 }
 
 #[test]
