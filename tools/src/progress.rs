@@ -64,8 +64,8 @@ fn change(component: &ComponentStatus, told: &mut Told, first: bool) -> Option<S
         count => changes.push(format!("was restarted {count} times")),
     }
     match (before.safe, now.safe) {
-        (false, true) => changes.push("is in its safe state".to_string()),
-        (true, false) if !first => changes.push("left its safe state".to_string()),
+        (false, true) if !first => changes.push("is in its safe state".to_string()),
+        (true, false) => changes.push("left its safe state".to_string()),
         _ => {}
     }
     (!changes.is_empty()).then(|| format!("{} {}", report.name, changes.join(", ")))

@@ -137,6 +137,7 @@ fn floor_of(name: &str, is_there: impl Fn(&str) -> bool) -> Option<String> {
         ("chain.17", "floor.chain.8"),
         ("chain.", "floor.futex.same"),
         ("fan-out.", "floor.futex.same"),
+        ("gate", "floor.gate"),
         ("panda", "floor.futex.same"),
         ("peer.cyclictest", "floor.timer"),
         ("peer.", "floor.futex.across"),

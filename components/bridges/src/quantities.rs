@@ -119,6 +119,7 @@ const TABLE: &[(&str, &[Row])] = &[
         ],
     ),
     ("FootContacts", &[("force", "N", NONE)]),
+    ("ContactSchedule", &[("load", "", NONE)]),
     (
         "ObjectPoses",
         &[

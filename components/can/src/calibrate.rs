@@ -90,8 +90,13 @@ pub fn calibrate<B: Bus>(
     let mut now_ns = pass(buses, LISTEN);
     let mut inbox = [Received::default(); 32];
     let commanded = (0..table.buses.len()).find_map(|bus| {
-        let count = buses[bus].receive(&mut inbox);
-        inbox[..count].iter().find_map(|received| commanded(table, bus, &received.frame))
+        loop {
+            let count = buses[bus].receive(&mut inbox);
+            let found = inbox[..count].iter().find_map(|received| commanded(table, bus, &received.frame));
+            if found.is_some() || count < inbox.len() {
+                break found;
+            }
+        }
     });
     if let Some(joint) = commanded {
         return Err(CalibrationError::Commanded { joint });

@@ -2,6 +2,7 @@
 //!
 //! Everything here that needs `unsafe` is a single call into libc whose arguments are owned by the caller.
 
+mod backoff;
 mod cpu_time;
 mod futex;
 pub(crate) mod held_word;
@@ -17,6 +18,7 @@ mod shortage;
 mod users;
 mod wait;
 
+pub(crate) use backoff::Backoff;
 pub use cpu_time::{WaitedForCore, thread_cpu_ns};
 pub(crate) use futex::{futex_sleep, futex_wake_low};
 pub use idle::IdleLimit;

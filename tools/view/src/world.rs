@@ -1,7 +1,5 @@
 //! The ground and the objects of a graph's world, as a scene for viewers.
 
-use std::path::Path;
-
 use foxglove::messages::{
     Color, CubePrimitive, CylinderPrimitive, Point3, Pose, Quaternion, SceneEntity, SceneUpdate,
     SpherePrimitive, TriangleListPrimitive, Vector3,
@@ -28,10 +26,12 @@ const TERRAIN_POINTS: f64 = 15_000.0;
 ///
 /// An object that moves stands in a frame of its own, of its name, if a topic tells where it is.
 pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
-    let configs = plan.components.iter().map(|component| &component.config["world"]);
-    let mut world =
-        configs.filter(|world| world.is_object()).find_map(|world| World::deserialize(world).ok())?;
-    world.locate(plan.file.parent().unwrap_or(Path::new(".")));
+    let mut simulated = plan.components.iter().filter(|component| component.config["world"].is_object());
+    let world = simulated.find_map(|component| {
+        let mut world = World::deserialize(&component.config["world"]).ok()?;
+        world.locate(&component.folder);
+        Some(world)
+    })?;
     let told = plan.topics.iter().any(|topic| topic.layout.type_name == ObjectPoses::NAME);
     let mut entities: Vec<SceneEntity> = world
         .objects

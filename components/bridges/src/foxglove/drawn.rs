@@ -254,8 +254,10 @@ fn first_state(plan: &Plan, index: usize) -> Option<usize> {
 
 /// Names of the objects of the world of the component that writes their poses.
 fn object_names(plan: &Plan, writer: usize) -> Vec<String> {
+    // Other keys are those of the component that simulates it.
+    let objects = plan.components.get(writer).map(|component| &component.config["world"]["objects"]);
     let world =
-        plan.components.get(writer).and_then(|component| World::deserialize(&component.config["world"]).ok());
+        objects.and_then(|objects| World::deserialize(serde_json::json!({ "objects": objects })).ok());
     world.unwrap_or_default().objects.into_iter().map(|object| object.name).collect()
 }
 

@@ -22,10 +22,11 @@ use super::taps::Readers;
 const SYNC_EVERY: Duration = Duration::from_millis(500);
 /// Longest time between two looks whether the file is due to be handed to the system.
 const FLUSH_CHECK: Duration = Duration::from_millis(250);
-/// Bytes of messages that wait in memory for a file that is slow; beyond them the reading waits, and samples may be lost.
-const WAITING: usize = 64 << 20;
 /// Batches on their way from one thread to the other.
 const BATCHES: usize = 2;
+/// Bytes of messages in one batch, where the file is slow: with those on their way, the one that is filled and the one that is
+/// written 64 MiB wait in memory. Beyond them the reading waits, and samples may be lost.
+const WAITING: usize = (64 << 20) / (BATCHES + 2);
 /// Niceness of the thread that reads: among programs that compute all the time it has its turn within some ms.
 const NICENESS: i32 = -10;
 

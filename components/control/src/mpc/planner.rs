@@ -83,6 +83,8 @@ pub struct LegPlanner {
     /// Time of the last solution \[s\].
     solved: Option<f64>,
     time: f64,
+    /// Time at which the last step began \[s\].
+    began: f64,
 }
 
 impl LegPlanner {
@@ -97,13 +99,14 @@ impl LegPlanner {
         let mut kinematics = Kinematics::new(model);
         kinematics.update(model, rest);
         let centre = kinematics.centre_of_mass(model).position;
+        let ahead = Rotation3::from_axis_angle(&Vector3::z_axis(), -heading(&base_rotation(rest)));
         let (mut legs, mut friction) = (Vec::new(), Vec::new());
         for foot in &feet {
             let place = kinematics.pose(model, foot.frame).translation.vector - Vector3::z() * foot.radius;
             let (first, zero) = (friction.len(), Vector3::zeros());
             friction.extend(foot.points.iter().map(|_| foot.friction));
             legs.push(Leg {
-                rest: place - centre,
+                rest: ahead * (place - centre),
                 first,
                 place,
                 axes: Rotation3::identity(),
@@ -124,6 +127,7 @@ impl LegPlanner {
             state: CentroidalState::default(),
             solved: None,
             time: 0.0,
+            began: 0.0,
             feet,
             legs,
             stepping,
@@ -187,6 +191,7 @@ impl LegPlanner {
         };
         let most = (self.settings.max_lead, self.settings.max_turn);
         self.reference.advance(dt, (&centre.position, heading(&base)), most);
+        self.began = self.time;
         self.time += dt;
         solved
     }
@@ -201,7 +206,7 @@ impl LegPlanner {
         let (mut wrench, leg) = (Twist::zero(), &self.legs[foot]);
         let (Some(solved), true) = (self.solved, leg.load > 0.0) else { return wrench };
         let settings = self.mpc.settings();
-        let step = ((self.time - solved) / settings.step) as usize;
+        let step = ((self.began - solved + 1e-9) / settings.step) as usize;
         let down = Vector3::z() * -self.feet[foot].radius;
         for (point, arm) in self.feet[foot].points.iter().enumerate() {
             let force = self.mpc.force(step.min(settings.steps - 1), leg.first + point);

@@ -15,6 +15,7 @@ mod known_problems;
 mod levels;
 mod mpc;
 mod multirotor;
+mod planner;
 mod random_problems;
 mod recorded_problems;
 mod robot;

@@ -181,7 +181,8 @@ impl Detector {
 
     /// True where there may be more contact points than fit.
     pub(crate) fn is_full(&self) -> bool {
-        self.points.len() >= self.most
+        let touch = || self.points.iter().filter(|point| point.held.is_none()).count();
+        self.points.len() >= self.most && touch() >= self.most
     }
 
     /// Forgets the last step.
@@ -307,7 +308,7 @@ impl Detector {
                 continue;
             }
             let (first, second) = (&all.colliders[pair.first], &all.colliders[pair.second]);
-            if connections.joins([first.owner, second.owner]) {
+            if !pair.half_space && connections.joins([first.owner, second.owner]) {
                 continue;
             }
             let places = [pair.first, pair.second];

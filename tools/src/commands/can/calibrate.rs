@@ -40,6 +40,7 @@ pub(super) struct Calibrate {
 
 impl Calibrate {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        anyhow::ensure!(self.time.ns > 0, "`--for` is 0 s, expected a positive time");
         let checked = match self.graph.load(&registry::registry(), self.json) {
             Ok(checked) => checked,
             Err(code) => return Ok(code),

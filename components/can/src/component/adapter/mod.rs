@@ -171,6 +171,10 @@ impl Component for CanAdapter {
         // with answers within the step these are late ones, and else those to the last step's batch
         exchange.collect(adapter, buses);
         if !self.order.answers_within_step() {
+            if self.order.command_within.is_some() {
+                // one that came too late for the step before is no answer to the state of this one
+                let _ = self.command.latest();
+            }
             let is_told = self.end_cycle(tick)?;
             if let (true, Some(longest)) = (is_told, self.order.command_within) {
                 self.command.wait(longest);

@@ -124,6 +124,10 @@ fn settings(config: &MpcConfig, model: &Model) -> Result<PlannerSettings, Config
     for value in config.velocity {
         in_range("velocity", value, f64::MIN..=f64::MAX)?;
     }
+    if config.gait.is_none() && config.velocity != [0.0; 3] {
+        let error = ConfigError::key("velocity", "without a gait the robot stands on all its feet");
+        return Err(error.advise("add `gait`, or leave `velocity` out"));
+    }
     let height = config.height.map(|height| in_range("height", height, 1e-3..=f64::MAX)).transpose()?;
     let max_force = config.max_force.unwrap_or(2.0 * model.mass() * gravity);
     let gait = config.gait.as_ref();

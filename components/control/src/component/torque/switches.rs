@@ -29,6 +29,8 @@ pub(super) struct ContactSwitches {
 struct Switch {
     parameter: Parameter<f64>,
     load: f64,
+    /// Share that the schedule allows; it goes back to 1 in a ramp where there is no fresh one.
+    share: f64,
     /// Place of its foot in the schedule.
     foot: Option<usize>,
     /// Largest normal force at each point under full load \[N\], and while it is ramped.
@@ -59,7 +61,7 @@ impl ContactSwitches {
             let parameter = setup.parameter(&format!("{}_contact", contact.name))?;
             let (max_force, foot) = (contact.max_force, feet(parts).position(|name| *name == contact.name));
             let ramped = max_force.min(LOADED * weight);
-            Ok(Switch { parameter, load: 1.0, foot, max_force, ramped })
+            Ok(Switch { parameter, load: 1.0, share: 1.0, foot, max_force, ramped })
         };
         let switches = contacts.iter().map(switch).collect::<Result<Vec<_>, ConfigureError>>()?;
         let feet = feet(parts).count();
@@ -80,8 +82,11 @@ impl ContactSwitches {
         let planned = fresh.as_ref().map(|schedule| schedule.load());
         for (index, switch) in self.switches.iter_mut().enumerate() {
             switch.load += (switch.parameter.get() - switch.load).clamp(-step, step);
-            let share = planned.zip(switch.foot).map_or(1.0, |(planned, foot)| planned[foot].clamp(0.0, 1.0));
-            let load = switch.load * share;
+            switch.share = match planned.zip(switch.foot) {
+                Some((planned, foot)) => planned[foot].clamp(0.0, 1.0),
+                None => (switch.share + step).min(1.0),
+            };
+            let load = switch.load * switch.share;
             control.set_active(index, load > 0.0);
             let full = load >= 1.0;
             control.set_max_force(index, if full { switch.max_force } else { load * switch.ramped });
@@ -93,7 +98,7 @@ impl ContactSwitches {
     }
 
     pub(super) fn reset(&mut self) {
-        self.switches.iter_mut().for_each(|switch| switch.load = 1.0);
+        self.switches.iter_mut().for_each(|switch| (switch.load, switch.share) = (1.0, 1.0));
         self.without_schedule = 0;
     }
 

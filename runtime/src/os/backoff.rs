@@ -1,0 +1,60 @@
+//! Polling before sleeping, as long as it pays.
+
+use std::cell::Cell;
+
+/// Largest number of waits without polling after a poll that found nothing.
+const LARGEST_PAUSE: u32 = 64;
+
+/// An adaptive back-off: polling is tried the less often the less often it finds something.
+#[derive(Debug, Default)]
+pub(crate) struct Backoff {
+    /// Waits to let pass without polling.
+    pause: Cell<u32>,
+    /// Waits that the next miss costs.
+    next_pause: Cell<u32>,
+}
+
+impl Backoff {
+    /// True if the next wait may poll.
+    pub(crate) fn may_poll(&self) -> bool {
+        let pause = self.pause.get();
+        self.pause.set(pause.saturating_sub(1));
+        pause == 0
+    }
+
+    /// Takes into account if a poll has found something.
+    pub(crate) fn learn(&self, found: bool) {
+        if found {
+            self.next_pause.set(0);
+        } else {
+            let pause = (2 * self.next_pause.get()).clamp(1, LARGEST_PAUSE);
+            self.next_pause.set(pause);
+            self.pause.set(pause);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn polls_that_find_nothing_become_rare_and_a_find_brings_them_back() {
+        let backoff = Backoff::default();
+        let polls = |waits: u32, found: bool| {
+            let poll = |_: &u32| {
+                let polls = backoff.may_poll();
+                if polls {
+                    backoff.learn(found);
+                }
+                polls
+            };
+            (0..waits).filter(poll).count()
+        };
+        let first = polls(1_000, false);
+        assert!((10..30).contains(&first), "{first} polls in the first thousand");
+        let later = polls(10_000, false);
+        assert!((150..=160).contains(&later), "{later} of ten thousand");
+        assert!(polls(1_000, true) > 900);
+    }
+}
