@@ -334,7 +334,7 @@ fn where_a_base_starts_is_checked_against_whether_it_floats() {
     for (robot, physics, expected) in [
         ("panda", "base = { position = [0.0, 0.0, 0.5] }", "fixed to the world"),
         ("quadruped", "floating = false, base = { position = [0.0, 0.0, 0.5] }", "fixed to the world"),
-        ("quadruped", "base = { position = [0.0, 0.0] }", "expected an array of length 3"),
+        ("quadruped", "base = { position = [0.0, 0.0] }", "found 2 values, expected a list of 3"),
         ("quadruped", "pose = \"standin\"", "standing"),
     ] {
         let error = check(legged_text(robot, physics, "")).map(|_| ()).unwrap_err().to_string();

@@ -268,7 +268,7 @@ fn ranges_that_cannot_be_are_refused_at_their_place_in_the_file() {
         ("quadruped", "mass = [0.0, 1.0]", "factors from 0.001 to 100", "mass"),
         ("quadruped", "restitution = [0.5, 1.5]", "numbers from 0 to 1", "restitution"),
         ("quadruped", "friction = [-0.5, 1.0]", "factors from 0 to 100", "friction"),
-        ("quadruped", "gravity = [1.0]", "length 2", "gravity"),
+        ("quadruped", "gravity = [1.0]", "found 1 value, expected a list of 2", "gravity"),
         ("quadruped", "objects = { cub = { mass = [1.0, 2.0] } }", "it has: cube, wall", "cub"),
         ("quadruped", "objects = { wall = { mass = [1.0, 2.0] } }", "`wall` has no mass", "wall"),
         ("rrbot", "base = { x = [0.0, 1.0] }", "fixed to the world", "base"),
