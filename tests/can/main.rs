@@ -228,14 +228,15 @@ fn one_resume_releases_an_adapter_that_has_tripped_and_the_arm_follows_again() {
 
 #[test]
 fn a_command_goes_out_in_the_cycle_in_which_it_is_published() {
-    // in virtual time, which is no speed: what is asked is that no command waits for the next cycle
-    for (name, cycle_us) in [("duplicate", 2000.0), ("twelve", 1000.0)] {
+    // In virtual time an instruction takes a nanosecond: these are instructions of a build for tests. A command that came in time
+    // and yet waited for the next cycle would take at least the cycle, of 2 and 1 ms, less `command_within`.
+    for (name, longest_us) in [("duplicate", 300.0), ("twelve", 550.0)] {
         let Some(row) = row(name) else { return };
         let adapter = &row.results()["adapter"];
         let times = &adapter["command_to_frame_us"];
         // of nearly every cycle in which the drives follow
         assert!(number(&times["count"]) + 250 > number(&adapter["cycles"]), "{name}: {adapter}");
-        assert!(times["p99"].as_f64().is_some_and(|p99| p99 < 0.4 * cycle_us), "{name}: {times}");
+        assert!(times["p99"].as_f64().is_some_and(|p99| p99 < longest_us), "{name}: {times}");
     }
 }
 
