@@ -82,7 +82,7 @@ fn an_adapter_that_a_drive_has_tripped_is_latched_until_one_resume() {
     let fault = r#"component.drives.config.faults=[{ at = "1 s", kind = "off", lasts = "50 ms", joint = "panda_joint4" }]"#;
     let graph = workspace().join("graphs/panda-can-sim.toml");
     // in lockstep: no stall of the machine is taken for an outage
-    let run = Run::start(&graph, &["--for", "3600 s", "--set", fault, "--no-expect"]);
+    let run = Run::start(&graph, &["--for", "3600 s", "--set", fault]);
     let await_latch = |latch: Option<Latch>, state: GateState| {
         let started = Instant::now();
         while (gate_of(&run, "adapter").latch, gate_of(&run, "adapter").state) != (latch, state) {
