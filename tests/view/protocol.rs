@@ -27,6 +27,8 @@ fn viewed() -> (Run, Viewer) {
 fn what_a_viewer_subscribes_to_is_what_is_in_the_shared_memory_of_the_run() {
     let _machine = machine();
     let (run, viewer) = viewed();
+    // One that is met before the viewer has found the run may be greeted with a session that is none of a run.
+    Client::connect(viewer.port, "", SUBPROTOCOL).unwrap().await_channels(&[STATE]);
     let mut client = Client::connect(viewer.port, "", SUBPROTOCOL).unwrap();
     client.await_channels(&[
         STATE,
