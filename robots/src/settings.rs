@@ -15,7 +15,7 @@ use crate::{BaseKind, EndEffector, Loaded, Model, PerJoint, Profile};
 pub struct SettingError {
     /// The key: `frame`, `start` or `gains`.
     pub key: &'static str,
-    /// What is wrong with its value.
+    /// The reason for which its value is refused.
     pub message: String,
 }
 

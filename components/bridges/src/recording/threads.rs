@@ -30,7 +30,7 @@ const WAITING: usize = (64 << 20) / (BATCHES + 2);
 /// Niceness of the thread that reads: among programs that compute all the time it has its turn within some ms.
 const NICENESS: i32 = -10;
 
-/// What the thread that reads has for the one that writes.
+/// An order of the thread that reads to the thread that writes.
 pub(super) enum Order {
     /// Messages to write.
     Write(Batch),
@@ -141,7 +141,7 @@ pub(super) fn write(mut sink: Sink, (orders, emptied): &Writing, outcome: &Mutex
 /// Brings what was written to the disk, twice a second.
 pub(super) fn sync(file: &File, stop: &StopRequest) {
     while !stop.wait(SYNC_EVERY) {
-        // What cannot be brought to the disk the writer finds out.
+        // The writer finds out when the disk takes nothing more.
         let _ = file.sync_data();
     }
 }

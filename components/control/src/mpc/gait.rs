@@ -17,13 +17,13 @@ pub struct Gait {
     offsets: Vec<f64>,
 }
 
-/// A gait that is none.
+/// An error of numbers that make no gait.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum GaitError {
     /// A period that is not positive.
     #[error("a period of {0} s, expected more than 0")]
     Period(f64),
-    /// A share of the period that is none.
+    /// A duty that is no share of the period.
     #[error("a foot that stands for {0} of the period, expected more than 0 and less than 1")]
     Duty(f64),
     /// An offset that is no share of the period.

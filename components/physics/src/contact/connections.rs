@@ -76,7 +76,7 @@ impl Connections {
         self.points.reserve(self.most());
     }
 
-    /// Removes those of these two parts; `false` where there is none.
+    /// Removes the connections between these two parts; `false` if they have none.
     pub(crate) fn remove(&mut self, parts: [Owner; 2]) -> bool {
         let before = self.all.len();
         self.all.retain(|joined| !joins(joined, parts));

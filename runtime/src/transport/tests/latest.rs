@@ -126,7 +126,7 @@ fn an_input_waits_for_the_next_publication_and_no_longer_than_it_may() {
 }
 
 #[test]
-fn whoever_a_step_has_triggered_is_woken_before_it_waits() {
+fn components_that_a_step_has_triggered_are_woken_before_it_waits() {
     let bench = Bench::new(Wrench::layout(), TopicPattern::State);
     let participant = bench.participant(0);
     let place = OutputPlace { wakes_late: true, ..bench.output_place() };

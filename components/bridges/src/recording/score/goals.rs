@@ -137,7 +137,7 @@ impl Follower {
         }
         let number = |key: &str| task?.get(key)?.as_f64();
         let is_free = |weight: &str| number(weight) == Some(0.0);
-        // What a task leaves free is not missed.
+        // An axis that a task leaves free counts as no miss.
         let of_task = |key: &str, weight: &str, usual: f64| {
             if is_free(weight) { f64::INFINITY } else { number(key).unwrap_or(usual) }
         };
