@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 
 use motorium::run_folder::RunFolder;
 
-use crate::support::{MOTORIUM, Run, is_root, kill, leftovers, machine, panda_reach, signal, workspace};
+use crate::support::{
+    ANY_LOSS, MOTORIUM, Run, is_root, kill, leftovers, machine, panda_reach, signal, workspace,
+};
 
 /// A user without any rights.
 const NOBODY: u32 = 65_534;
@@ -136,6 +138,7 @@ fn a_run_lies_in_the_runtime_folder_of_the_session_where_there_is_one() {
         command
     };
     let mut child = inside(&["run", "graphs/panda-reach.toml", "--for", "60 s", "--json", "--force"])
+        .args(ANY_LOSS)
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -155,8 +158,10 @@ fn a_run_lies_in_the_runtime_folder_of_the_session_where_there_is_one() {
     assert_eq!(fs::read_dir(session.path()).expect("it is there").count(), 0);
     // One that others can write is no such place.
     fs::set_permissions(session.path(), fs::Permissions::from_mode(0o777)).expect("it is opened");
-    let output =
-        inside(&["run", "graphs/panda-reach.toml", "--for", "50 ms", "--force"]).output().expect("it starts");
+    let output = inside(&["run", "graphs/panda-reach.toml", "--for", "50 ms", "--force"])
+        .args(ANY_LOSS)
+        .output()
+        .expect("it starts");
     assert!(output.status.success(), "{}", text(&output));
     assert_eq!(fs::read_dir(session.path()).expect("it is there").count(), 0);
 }
@@ -211,6 +216,7 @@ fn a_run_of_a_container_that_was_killed_is_seen_to_be_dead_and_removed() {
     let session = tempfile::tempdir().expect("a folder");
     fs::set_permissions(session.path(), fs::Permissions::from_mode(0o700)).expect("it is closed");
     let mut child = contained(&["run", "graphs/panda-reach.toml", "--for", "60 s", "--json", "--force"])
+        .args(ANY_LOSS)
         .env("XDG_RUNTIME_DIR", session.path())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
@@ -251,7 +257,8 @@ fn a_graph_runs_in_a_user_namespace_of_its_own() {
     }
     // The folder of root itself, which is of another user in there.
     let outside = Run::start(&panda_reach(), &["--for", "60 s", "--force"]);
-    let output = unshared(MOTORIUM, &["run", "graphs/panda-reach.toml", "--for", "100 ms", "--force"]);
+    let arguments = ["run", "graphs/panda-reach.toml", "--for", "100 ms", "--force"];
+    let output = unshared(MOTORIUM, &[&arguments[..], &ANY_LOSS].concat());
     assert!(output.status.success(), "{}", text(&output));
     assert!(!Path::new("/dev/shm/motorium-65534").exists());
     drop(outside);

@@ -37,7 +37,9 @@ fn shared_memory() -> BTreeSet<String> {
 /// Runs a graph under a limit. It must run, or end with exit code 1 and one of these words; nothing stays behind.
 fn limited(limit: &str, words: &[&str]) -> bool {
     let before = shared_memory();
-    let line = format!("{limit}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms");
+    let line = format!(
+        "{limit}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms --set realtime.lost_steps=1"
+    );
     let output = shell(&line).output().expect("bash runs");
     let text = text(&output);
     assert_eq!(shared_memory(), before, "`{limit}` left something behind: {text}");
@@ -82,7 +84,7 @@ fn too_few_processes_are_named_and_nothing_is_left_behind() {
     // The shell is one, and each process of the graph has some threads.
     for processes in [1, 2, 3, 4, 6, 8, 10, 12, 16, 17, 18, 19, 20, 200] {
         let line = format!(
-            "ulimit -u {processes}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms"
+            "ulimit -u {processes}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms --set realtime.lost_steps=1"
         );
         let output = shell(&line).uid(LONELY).gid(LONELY).output().expect("bash runs");
         let text = text(&output);
@@ -106,7 +108,7 @@ fn threads(pid: u32, named: Option<&[&str]>) -> u64 {
 fn a_run_asks_for_as_many_processes_and_threads_as_it_takes() {
     let _machine = machine();
     const LONELY: u32 = 64_322;
-    let command = "ulimit -u 8; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms";
+    let command = "ulimit -u 8; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms --set realtime.lost_steps=1";
     if !is_root() || !shell("\"$MOTORIUM\" --version").uid(LONELY).output().is_ok_and(|o| o.status.success())
     {
         return eprintln!("skipped: needs root, and a program that other users can start");
@@ -129,7 +131,10 @@ fn a_component_that_opens_all_the_files_it_may_is_told_and_follows_the_policy() 
     let restart = "restart = { when = \"failure\" }\ncore = 0\ncpu_limit = \"30 s\"\nhang_after = \"30 s\"";
     let (_folder, graph) = faulty("{ fault = \"open\", at = 200, once = true }", restart);
     let before = shared_memory();
-    let run = format!("ulimit -n 256; exec \"$MOTORIUM\" run {} --force --for 4s", graph.display());
+    let run = format!(
+        "ulimit -n 256; exec \"$MOTORIUM\" run {} --force --for 4s --set realtime.lost_steps=1",
+        graph.display()
+    );
     let output = shell(&run).output().expect("bash runs");
     let text = text(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");
@@ -174,7 +179,8 @@ fn mounts_are_allowed() -> bool {
     is_root() && with_shared_memory("1m", 100, "true").status.code() == Some(0)
 }
 
-const RUN: &str = "\"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms 2>&1";
+const RUN: &str =
+    "\"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms --set realtime.lost_steps=1 2>&1";
 
 #[test]
 fn a_shared_memory_that_is_too_small_is_named_with_need_and_room_before_anything_is_made() {
@@ -213,7 +219,7 @@ fn a_shared_memory_that_is_too_small_is_named_with_need_and_room_before_anything
 /// The run goes on while `fill` is at work; then the controller is killed.
 fn killed_after(fill: &str) -> String {
     let line = format!(
-        "\"$MOTORIUM\" run graphs/panda-reach.toml --force --no-expect --for 5s --json --set controller.restart.when=failure >/dev/null 2>/tmp/motorium-full-$$ &\n\
+        "\"$MOTORIUM\" run graphs/panda-reach.toml --force --no-expect --for 5s --json --set realtime.lost_steps=1 --set controller.restart.when=failure >/dev/null 2>/tmp/motorium-full-$$ &\n\
          run=$!; sleep 2; {fill}\n\
          kill -9 $(pgrep -P $run -f 'motorium-worker .* controller$'); wait $run; rc=$?\n\
          rm -f /dev/shm/fill; cat /tmp/motorium-full-$$; rm /tmp/motorium-full-$$; (exit $rc)"
@@ -254,7 +260,10 @@ fn a_component_that_takes_all_the_memory_it_may_dies_alone_and_follows_the_polic
     let settings = format!("{restart}\ncore = 0\ncpu_limit = \"30 s\"\nhang_after = \"30 s\"");
     let (_folder, graph) = faulty("{ fault = \"devour\", at = 200, once = true }", &settings);
     let before = shared_memory();
-    let line = format!("ulimit -v 1500000; exec \"$MOTORIUM\" run {} --force --for 6s", graph.display());
+    let line = format!(
+        "ulimit -v 1500000; exec \"$MOTORIUM\" run {} --force --for 6s --set realtime.lost_steps=1",
+        graph.display()
+    );
     let output = shell(&line).output().expect("bash runs");
     let text = text(&output);
     assert_eq!(output.status.code(), Some(0), "{text}");

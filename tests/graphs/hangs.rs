@@ -190,7 +190,7 @@ fn a_component_that_fails_again_and_again_waits_longer_each_time_and_is_no_succe
 #[test]
 fn a_component_that_loses_too_many_steps_is_told_at_the_time_and_in_the_end() {
     let _machine = machine();
-    let (_folder, graph) = faulty("{ fault = \"stall\", at = 200 }", "priority = 1");
+    let (_folder, graph) = faulty("{ fault = \"stall\", at = 200 }", "priority = 1\nlost_steps = 0.05");
     let ended = run(&graph, &["--for", "2500 ms"]);
     assert_eq!(ended.report().exit, Exit::Finished, "{}", ended.stderr);
     assert!(ended.stderr.contains("of its steps in the last second"), "{}", ended.stderr);

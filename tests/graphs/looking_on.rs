@@ -5,6 +5,7 @@ use std::process::Child;
 use std::time::{Duration, Instant};
 
 use crate::program::{complaint, json, machine, motorium, printed};
+use crate::support::ANY_LOSS;
 use serde_json::Value;
 
 /// The component that `motorium new` writes.
@@ -29,7 +30,10 @@ struct Running(Child);
 impl Running {
     fn start(graph: &Path, name: &str) -> Self {
         let graph = graph.to_str().expect("a path of text");
-        let child = motorium(&["run", graph, "--for", "120s", "--json"]).spawn().expect("the program starts");
+        let child = motorium(&["run", graph, "--for", "120s", "--json"])
+            .args(ANY_LOSS)
+            .spawn()
+            .expect("the program starts");
         let running = Self(child);
         let deadline = Instant::now() + Duration::from_secs(60);
         loop {

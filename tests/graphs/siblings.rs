@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 use motorium::launcher::Exit;
 
 use crate::MOTORIUM;
-use crate::support::{Ended, machine};
+use crate::support::{ANY_LOSS, Ended, machine};
 
 const SIBLING: &str = env!("CARGO_BIN_EXE_sibling-program");
 
@@ -53,7 +53,7 @@ impl Installed {
     }
 
     fn run(&self, arguments: &[&str]) -> Ended {
-        Ended::of(&self.motorium(&[&["run", "graph.toml", "--json"], arguments].concat()))
+        Ended::of(&self.motorium(&[&["run", "graph.toml", "--json"], &ANY_LOSS[..], arguments].concat()))
     }
 
     /// Complaint of `check`, without the folder.

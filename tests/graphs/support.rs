@@ -26,6 +26,9 @@ pub(crate) fn is_root() -> bool {
     rustix::process::getuid().is_root()
 }
 
+/// Options of a run of which the host may take any number of steps: whether there was time for them is no part of the test.
+pub(crate) const ANY_LOSS: [&str; 2] = ["--set", "realtime.lost_steps=1"];
+
 /// A run that has been started.
 pub(crate) struct Run {
     child: Option<Child>,
@@ -51,6 +54,7 @@ impl Run {
             .arg(graph)
             // What is broken misses its goals.
             .args(["--json", "--no-expect"])
+            .args(ANY_LOSS)
             .args(arguments)
             .current_dir(workspace())
             .stdin(Stdio::null())
@@ -201,6 +205,7 @@ pub(crate) fn run(graph: &Path, arguments: &[&str]) -> Ended {
         .arg("run")
         .arg(graph)
         .arg("--json")
+        .args(ANY_LOSS)
         .args(arguments)
         .current_dir(workspace())
         .stdin(Stdio::null())

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use crate::exposition::{Family, Labels};
 use crate::program::{complaint, json, machine, motorium, printed};
+use crate::support::ANY_LOSS;
 use serde_json::Value;
 
 const GRAPH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/panda-reach.toml");
@@ -90,6 +91,7 @@ fn signal(child: &Child, signal: rustix::process::Signal) {
 fn graph(name: &str, more: &[&str]) -> Command {
     let name = format!("name={name}");
     let mut arguments = vec!["run", GRAPH, "--set", &name, "--for", "1000s", "--json", "--metrics", "0"];
+    arguments.extend(ANY_LOSS);
     arguments.extend(more);
     motorium(&arguments)
 }

@@ -146,7 +146,9 @@ fn what_calibrate_saves_is_what_check_counts_with_until_the_machine_is_another()
 #[test]
 fn run_starts_nothing_that_cannot_hold_unless_it_is_forced_and_says_so() {
     let _machine = machine();
-    let run = |more: &[&str]| run(&[&["run", OVERLOADED, "--for", "300 ms"], more].concat());
+    let run = |more: &[&str]| {
+        run(&[&["run", OVERLOADED, "--for", "300 ms", "--set", "realtime.lost_steps=1"], more].concat())
+    };
     let refused = run(&[]);
     assert_eq!(refused.status.code(), Some(3));
     assert!(refused.stdout.is_empty());
