@@ -75,7 +75,8 @@ impl Drop for Ending {
 
 impl Seen {
     fn look(&self, word: &AtomicU32, pid: u32) {
-        crate::os::wake_soon();
+        // Whatever keeps the shared cores busy: a death is to be seen at once.
+        crate::os::wake_first();
         held_word::await_end(word);
         for _ in 0..LOOKS {
             if self.is_over.load(Relaxed) {
