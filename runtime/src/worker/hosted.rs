@@ -3,7 +3,8 @@
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::stepper::{Stepper, Timing};
+use super::stepper::Stepper;
+use super::timing::Timing;
 use super::{Configured, Failure, configure, connect, failure};
 use crate::component::Component;
 use crate::context::Context;

@@ -18,6 +18,7 @@ mod rest;
 mod rounds;
 mod sporadic;
 mod stepper;
+mod timing;
 mod verdict;
 mod watcher;
 

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use super::account::{self, Accounts, Consequence};
+use super::timing::Timing;
 use super::{Failure, failure};
 use crate::component::{Component, Episode, Helpers, Tick};
 use crate::context::{Access, Context};
@@ -76,24 +77,6 @@ impl From<String> for Wrong {
     }
 }
 
-/// Release, start and deadline of a step, ns on the clock of stamps.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Timing {
-    pub(super) release_ns: u64,
-    pub(super) wake_ns: u64,
-    pub(super) deadline_ns: u64,
-    /// True if the previous step ended after this release.
-    pub(super) behind: bool,
-}
-
-impl Timing {
-    /// A step in lockstep: it takes no simulated time.
-    pub(super) fn lockstep(time_ns: u64, period_ns: u64) -> Self {
-        let deadline_ns = time_ns.saturating_add(period_ns);
-        Self { release_ns: time_ns, wake_ns: time_ns, deadline_ns, behind: false }
-    }
-}
-
 impl Stepper {
     pub(super) fn new<C: Component>(
         component: C,
@@ -110,7 +93,8 @@ impl Stepper {
         let first = block.episode_first.load(Relaxed);
         let accounts = Accounts::new(plan);
         let component = Box::new(component);
-        context.first_lines().note_value(&raw const *component, Access::Write, COMPONENT_LINES);
+        let component_lines = core::slice::from_ref(&*component);
+        context.first_lines().note_values(component_lines, Access::Write, COMPONENT_LINES);
         Self {
             component,
             context,
