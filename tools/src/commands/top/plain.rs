@@ -5,7 +5,7 @@ use super::layout::plain;
 use super::order::Order;
 use super::view::View;
 use crate::report::microseconds;
-use crate::screen::causes;
+use crate::progress::causes;
 
 /// All tables, one below the other.
 pub(super) fn tables(top: &Top, view: View) -> String {

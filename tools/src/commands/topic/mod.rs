@@ -7,6 +7,7 @@ mod list;
 mod log;
 mod pace;
 mod publish;
+mod rows;
 mod watch;
 
 use std::process::ExitCode;
