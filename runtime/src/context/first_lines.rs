@@ -52,7 +52,11 @@ impl FirstLines {
 
     /// Notes the first lines of values, at most as many as given.
     pub(crate) fn note_values<T>(&self, values: &[T], access: Access, at_most: usize) {
-        let (first, bytes) = (values.as_ptr().cast::<u8>(), size_of_val(values));
+        self.note_range(values.as_ptr().cast(), size_of_val(values), access, at_most);
+    }
+
+    /// Notes the first lines of a range of bytes, at most as many as given.
+    pub(crate) fn note_range(&self, first: *const u8, bytes: usize, access: Access, at_most: usize) {
         let offset = first.addr() % LINE;
         for line in (0..bytes + offset).step_by(LINE).take(at_most) {
             self.note(first.wrapping_sub(offset).wrapping_add(line), access);

@@ -24,7 +24,7 @@ pub(crate) const WARM_UP: u64 = 100;
 const COMPONENT_LINES: usize = 8;
 
 /// A component of any type, so that the loops around its steps are compiled once: their instructions then lie together.
-trait AnyComponent {
+pub(super) trait AnyComponent {
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError>;
     fn stop(&mut self);
@@ -78,8 +78,8 @@ impl From<String> for Wrong {
 }
 
 impl Stepper {
-    pub(super) fn new<C: Component>(
-        component: C,
+    pub(super) fn new(
+        component: Box<dyn AnyComponent>,
         context: Rc<Context>,
         parameters: ParameterReader,
         helpers: Helpers,
@@ -92,9 +92,8 @@ impl Stepper {
         block.begun.store(block.steps.load(Relaxed), Relaxed);
         let first = block.episode_first.load(Relaxed);
         let accounts = Accounts::new(plan);
-        let component = Box::new(component);
-        let component_lines = core::slice::from_ref(&*component);
-        context.first_lines().note_values(component_lines, Access::Write, COMPONENT_LINES);
+        let (first_line, bytes) = ((&raw const *component).cast::<u8>(), size_of_val(&*component));
+        context.first_lines().note_range(first_line, bytes, Access::Write, COMPONENT_LINES);
         Self {
             component,
             context,
