@@ -9,8 +9,8 @@ use motorium::state::{Decoded, Decoder, FieldValue};
 use motorium::transport::Sample;
 
 use super::super::events::Follower;
+use super::json::Line;
 use super::pace::Pace;
-use super::rows::Line;
 use super::watch::{End, Watch, poll_for};
 use super::{find, log, readable};
 use crate::out::errln;

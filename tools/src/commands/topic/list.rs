@@ -8,7 +8,7 @@ use motorium::region::TopicBlock;
 use motorium::units::TimeSpan;
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::rows::Row;
+use super::json::Row;
 use super::{log, names, pattern, readable};
 use crate::out::outln;
 use crate::report::table;

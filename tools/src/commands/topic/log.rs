@@ -5,7 +5,7 @@ use motorium::plan::ClockKind;
 use motorium::region::EventRecord;
 use motorium::state::{Decoded, Event, FieldValue, Number, StateBuffer as _};
 
-use super::rows::{Line, Row};
+use super::json::{Line, Row};
 use crate::runs::LivingRun;
 
 /// Name of the topic. A topic of the graph with this name goes first.

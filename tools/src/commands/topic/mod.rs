@@ -3,11 +3,12 @@
 mod echo;
 mod hz;
 mod info;
+mod json;
 mod list;
 mod log;
 mod pace;
 mod publish;
-mod rows;
+
 mod watch;
 
 use std::process::ExitCode;
