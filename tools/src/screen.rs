@@ -135,7 +135,7 @@ impl Plain {
 #[cfg(test)]
 mod tests {
     use motorium::launcher::ComponentReport;
-    use motorium::region::Phase;
+    use motorium::region::{Misses, Phase};
     use motorium::telemetry::Percentiles;
     use ratatui::backend::TestBackend;
 
