@@ -1,4 +1,4 @@
-//! The library without the command: floors, hops and chains in turns, `cargo run --release --example hop --
+//! The library without the command: floors, hops, chains and the command gate in turns, `cargo run --release --example hop --
 //! hop.polling.across.512 floor.cache-line chain.4`.
 
 use std::process::ExitCode;
@@ -16,6 +16,12 @@ fn no_robots(_: &RobotReference) -> Result<Vec<String>, ConfigError> {
     Err(ConfigError::new("this program knows no robots"))
 }
 
+/// The components of chains and of the measurement of the command gate.
+fn registry() -> Registry {
+    let kinds = [Kind::of::<Relay>()].into_iter().chain(motorium_benches::gate::kinds());
+    Registry::new(RobotSource { check: no_robots }, kinds)
+}
+
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
     // The second process of a measurement is this program again.
@@ -25,13 +31,16 @@ fn main() -> ExitCode {
     // So are the processes of a graph.
     match Program::from_arguments(&arguments) {
         Some(Program::Worker { folder, component }) => {
-            return run_worker(&folder, &component, |_| Some(Kind::of::<Relay>()));
+            return run_worker(&folder, &component, |plan| match &plan.program {
+                motorium::plan::Program::Builtin { kind } => registry().find(kind).copied(),
+                _ => None,
+            });
         }
         Some(Program::Guard(folder)) => return motorium::launcher::guard::main(&folder),
         Some(Program::Cleaner(folder)) => return motorium::program::clean(&folder),
         Some(Program::Describe | Program::Kinds) | None => {}
     }
-    let registry = Registry::new(RobotSource { check: no_robots }, [Kind::of::<Relay>()]);
+    let registry = registry();
     let bench = Bench {
         program: std::env::current_exe().expect("a running program has a file"),
         registry: &registry,

@@ -189,7 +189,7 @@ pub fn run_worker(
         eprintln!("{component}: this program does not host its kind");
         return ExitCode::FAILURE;
     };
-    match (kind.run)(worker) {
+    match kind.run(worker) {
         Outcome::Stopped => ExitCode::SUCCESS,
         Outcome::Failed => ExitCode::FAILURE,
     }

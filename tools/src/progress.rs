@@ -3,8 +3,6 @@
 use motorium::launcher::{ComponentStatus, Status};
 use motorium::region::{Misses, Phase};
 
-use crate::screen::causes;
-
 /// Components whose changes are told in a line; the rest are counted.
 const TOLD: usize = 3;
 
@@ -83,6 +81,25 @@ fn since(now: &Misses, before: &Misses) -> Misses {
     }
 }
 
+/// Missed steps and their causes: `4 (3 stolen, 1 long step)`.
+pub(crate) fn causes(misses: &Misses) -> String {
+    let causes = [
+        (misses.stolen, "stolen"),
+        (misses.late_wake, "late wake"),
+        (misses.long_step, "long step"),
+        (misses.late_input, "late input"),
+    ];
+    let those: Vec<String> = causes
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, cause)| format!("{count} {cause}"))
+        .collect();
+    match misses.missed() {
+        0 => "0".to_string(),
+        all => format!("{all} ({})", those.join(", ")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use motorium::launcher::ComponentReport;
@@ -128,5 +145,12 @@ mod tests {
         let mut fewer: Vec<ComponentStatus> = many(1);
         fewer[0].phase = Phase::Stopped;
         assert_eq!(progress.line(&status(3, fewer)), "  3.0 s  39 of 40 components run");
+    }
+
+    #[test]
+    fn causes_come_with_their_counts() {
+        assert_eq!(causes(&Misses::default()), "0");
+        let all = Misses { stolen: 1, late_wake: 2, long_step: 3, late_input: 4, ..Misses::default() };
+        assert_eq!(causes(&all), "10 (1 stolen, 2 late wake, 3 long step, 4 late input)");
     }
 }

@@ -4,7 +4,6 @@ use std::io::{Stderr, Write as _};
 
 use motorium::launcher::{ComponentStatus, Status};
 use motorium::plan::Plan;
-use motorium::region::Misses;
 use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Constraint;
 use ratatui::style::{Modifier, Style};
@@ -12,7 +11,7 @@ use ratatui::text::Text;
 use ratatui::widgets::{Paragraph, Row, Table, Widget as _};
 use ratatui::{Frame, Terminal, TerminalOptions, Viewport};
 
-use crate::progress::Progress;
+use crate::progress::{Progress, causes};
 use crate::report::microseconds;
 use crate::wrap::wrapped;
 
@@ -87,25 +86,6 @@ fn draw(frame: &mut Frame<'_>, status: &Status) {
     frame.render_widget(table, frame.area());
 }
 
-/// Missed steps and their causes: `4 (3 stolen, 1 long step)`.
-pub(crate) fn causes(misses: &Misses) -> String {
-    let causes = [
-        (misses.stolen, "stolen"),
-        (misses.late_wake, "late wake"),
-        (misses.long_step, "long step"),
-        (misses.late_input, "late input"),
-    ];
-    let those: Vec<String> = causes
-        .iter()
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, cause)| format!("{count} {cause}"))
-        .collect();
-    match misses.missed() {
-        0 => "0".to_string(),
-        all => format!("{all} ({})", those.join(", ")),
-    }
-}
-
 fn cells(component: &ComponentStatus) -> [String; 8] {
     let phase = if component.safe {
         "safe state".to_string()
@@ -155,7 +135,7 @@ impl Plain {
 #[cfg(test)]
 mod tests {
     use motorium::launcher::ComponentReport;
-    use motorium::region::Phase;
+    use motorium::region::{Misses, Phase};
     use motorium::telemetry::Percentiles;
     use ratatui::backend::TestBackend;
 
@@ -184,12 +164,5 @@ mod tests {
         let mut terminal = Terminal::new(TestBackend::new(120, 4)).expect("a picture");
         terminal.draw(|frame| draw(frame, &status)).expect("it can be drawn on");
         insta::assert_snapshot!(terminal.backend());
-    }
-
-    #[test]
-    fn causes_come_with_their_counts() {
-        assert_eq!(causes(&Misses::default()), "0");
-        let all = Misses { stolen: 1, late_wake: 2, long_step: 3, late_input: 4, ..Misses::default() };
-        assert_eq!(causes(&all), "10 (1 stolen, 2 late wake, 3 long step, 4 late input)");
     }
 }

@@ -5,7 +5,7 @@ use std::cell::Cell;
 use crate::os::{prefetch_read, prefetch_write};
 
 /// Lines that are noted at most: a step that uses more of them finds the rest itself.
-const LINES: usize = 32;
+const LINES: usize = 64;
 /// Bytes of a line.
 const LINE: usize = 64;
 /// The mark of a line that is written.
@@ -15,11 +15,17 @@ const WRITTEN: usize = 1;
 ///
 /// A thread that has slept finds its caches and its address translations used by others. Where each line leads to the
 /// next, or an instruction waits for all loads before it, misses come one after the other; fetched by name they overlap.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct FirstLines {
     /// Addresses, with the mark in the lowest bit.
     lines: [Cell<usize>; LINES],
     count: Cell<usize>,
+}
+
+impl Default for FirstLines {
+    fn default() -> Self {
+        Self { lines: [const { Cell::new(0) }; LINES], count: Cell::new(0) }
+    }
 }
 
 /// The access for which a line is fetched.
@@ -44,11 +50,16 @@ impl FirstLines {
         Some(line)
     }
 
-    /// Notes the first lines of a value, at most as many as given.
-    pub(crate) fn note_value<T>(&self, value: *const T, access: Access, at_most: usize) {
-        let (first, bytes) = (value.cast::<u8>(), size_of::<T>());
-        for line in (0..bytes).step_by(LINE).take(at_most) {
-            self.note(first.wrapping_add(line), access);
+    /// Notes the first lines of values, at most as many as given.
+    pub(crate) fn note_values<T>(&self, values: &[T], access: Access, at_most: usize) {
+        self.note_range(values.as_ptr().cast(), size_of_val(values), access, at_most);
+    }
+
+    /// Notes the first lines of a range of bytes, at most as many as given.
+    pub(crate) fn note_range(&self, first: *const u8, bytes: usize, access: Access, at_most: usize) {
+        let offset = first.addr() % LINE;
+        for line in (0..bytes + offset).step_by(LINE).take(at_most) {
+            self.note(first.wrapping_sub(offset).wrapping_add(line), access);
         }
     }
 

@@ -123,7 +123,7 @@ impl Child {
         let worker = Worker::open(folder.clone(), name).map_err(failed)?.hosted();
         let thread = std::thread::Builder::new()
             .name(name.to_string())
-            .spawn(move || (kind.run)(worker))
+            .spawn(move || kind.run(worker))
             .map_err(|error| failed(named(&error)))?;
         Ok(Self::of_this_process(name, Body::Thread(Some(thread))))
     }
@@ -135,7 +135,7 @@ impl Child {
         let kind = kind.ok_or_else(|| failed("this program does not host its kind".to_string()))?;
         let block = &host.region.components()[index];
         let mut child = Self::of_this_process(name, Body::Inline(None));
-        match (kind.open)(host, index) {
+        match kind.open(host, index) {
             Ok(hosted) => {
                 child.body = Body::Inline(Some(hosted));
                 block.enter(Phase::Ready);

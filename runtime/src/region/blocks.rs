@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::counter::add;
 use super::{CheckpointBlock, GateBlock, Phase};
 use crate::telemetry::Histogram;
 
@@ -305,10 +306,4 @@ pub struct LatencyBlock {
     pub latency: Histogram,
     /// Latencies above the budget.
     pub missed: AtomicU64,
-}
-
-/// Adds to a counter that has one writer.
-#[inline]
-pub(crate) fn add(cell: &AtomicU64, value: u64) {
-    cell.store(cell.load(Relaxed).wrapping_add(value), Relaxed);
 }

@@ -5,6 +5,7 @@
 
 mod blocks;
 mod checkpoint;
+mod counter;
 mod events;
 mod gate;
 mod header;
@@ -12,12 +13,12 @@ mod mapping;
 mod trace;
 mod turn;
 
-pub(crate) use blocks::add;
 pub use blocks::{ComponentBlock, EdgeBlock, LatencyBlock, MissCause, Misses, Stalls, TopicBlock};
 pub use checkpoint::CHECKPOINT_BYTES;
 pub(crate) use checkpoint::CheckpointBlock;
 #[cfg(test)]
 pub(crate) use checkpoint::Checkpoints;
+pub(crate) use counter::add;
 pub use events::{EVENT_TEXT_BYTES, EventKind, EventLog, EventReader, EventRecord, EventSeverity};
 #[cfg(test)]
 pub(crate) use events::{Ring, RingFound};

@@ -1,12 +1,14 @@
 //! The command gate as pure logic: limits, safe states and the way back, without ports and processes.
 
 use super::account::Account;
-use super::limits::{Before, JointLimits, JointSetpoint, VelocityRange};
+use super::limits::{Before, Bounds, JointLimits, JointSetpoint};
+use super::offer::{Measured, Offer, Verdict};
 use super::resume::Resume;
 use super::states::{Joint, enter, stay};
+use super::within::Envelope;
 use crate::plan::{LimitPolicy, ResumeRule, SafeState};
 use crate::region::{GateState, Refusal};
-use crate::state::{Field as _, JointCommand};
+use crate::state::Field as _;
 
 /// Time for which the positions of a command go on with its velocities where the next one is late, s, at least. Without
 /// it a late command would brake the robot harder than any safe state.
@@ -21,54 +23,6 @@ pub struct GateSettings {
     pub limits: LimitPolicy,
     /// The way out of the safe state.
     pub resume: ResumeRule,
-}
-
-/// The robot as its actuator measures it at the beginning of a step.
-pub struct Measured<'a> {
-    /// Positions of the joints, rad or m.
-    pub position: &'a [f64],
-    /// Velocities of the joints, rad/s or m/s.
-    pub velocity: &'a [f64],
-    /// Writes the effort of each joint against gravity, N m or N. Called only where the gate needs it: at the entry into
-    /// a safe state, and on the way back.
-    pub gravity: &'a mut dyn FnMut(&mut [f64]),
-}
-
-impl core::fmt::Debug for Measured<'_> {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let Self { position, velocity, .. } = self;
-        f.debug_struct("Measured")
-            .field("position", position)
-            .field("velocity", velocity)
-            .finish_non_exhaustive()
-    }
-}
-
-/// The verdict of one step.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// The newest command is applied, within the limits.
-    Applied,
-    /// The newest command is approached from the held pose, at limited rates.
-    Resuming,
-    /// The safe state is applied.
-    Safe {
-        /// The safe state of the graph.
-        state: SafeState,
-        /// True in its first step.
-        entered: bool,
-    },
-}
-
-/// One command as it is offered to the gate.
-#[derive(Debug, Clone, Copy)]
-pub struct Offer<'a> {
-    /// The command.
-    pub command: &'a JointCommand,
-    /// True if it was not offered in the step before.
-    pub is_new: bool,
-    /// Time that its setpoints are ahead of those of the command before, s: rates are taken over it.
-    pub ahead: f64,
 }
 
 /// The command gate of one actuator: a state machine over the joints.
@@ -99,8 +53,6 @@ pub struct Gate {
     in_safe: bool,
     /// The safe state stays until [`release`](Self::release).
     latched: bool,
-    /// The setpoints still lag behind the newest command.
-    lags: bool,
     /// Time since the newest command was new, s.
     held_for: f64,
     /// Time for which its positions go on with its velocities, s.
@@ -109,7 +61,7 @@ pub struct Gate {
     /// Those of the step that is being computed.
     next: Vec<JointSetpoint>,
     gravity: Vec<f64>,
-    velocities: Vec<VelocityRange>,
+    envelope: Envelope,
     resume: Resume,
 }
 
@@ -122,13 +74,12 @@ impl Gate {
             state: GateState::Safe,
             in_safe: false,
             latched: false,
-            lags: false,
             held_for: 0.0,
             goes_on_for: 0.0,
             setpoints: vec![JointSetpoint::default(); count],
             next: vec![JointSetpoint::default(); count],
             gravity: vec![0.0; count],
-            velocities: joints.iter().map(VelocityRange::of).collect(),
+            envelope: Envelope::of(&joints),
             resume: Resume::new(count),
             joints,
         }
@@ -136,7 +87,7 @@ impl Gate {
 
     /// Goes back to the state in which it was made: safe, not latched, without setpoints.
     pub fn reset(&mut self) {
-        (self.state, self.in_safe, self.latched, self.lags) = (GateState::Safe, false, false, false);
+        (self.state, self.in_safe, self.latched) = (GateState::Safe, false, false);
         self.setpoints.fill(JointSetpoint::default());
         self.next.fill(JointSetpoint::default());
         self.gravity.fill(0.0);
@@ -151,6 +102,11 @@ impl Gate {
     /// The setpoints that the drives apply in this step.
     pub fn setpoints(&self) -> &[JointSetpoint] {
         &self.setpoints
+    }
+
+    /// The memory of the common step: what it reads, and what it writes. It stays where it is.
+    pub(super) fn memory(&self) -> (&[Bounds], &[JointSetpoint]) {
+        (self.envelope.bounds(), &self.setpoints)
     }
 
     /// The state.
@@ -181,14 +137,28 @@ impl Gate {
         dt: f64,
         account: &impl Account,
     ) -> Verdict {
-        let position = measured.position;
+        let follows = self.state == GateState::Following && !self.latched && !self.resume.fades();
+        let (position, over) = (measured.position, offer.ahead.max(dt));
+        let at = (position, measured.velocity);
+        if follows && offer.is_new && self.envelope.apply(offer.command, at, over, &mut self.setpoints) {
+            self.take_time(&offer);
+            return Verdict::Applied;
+        }
         let verdict = self.check_command(offer, measured, dt, account);
         self.bound_velocities(position);
         verdict
     }
 
+    /// A command's positions go on with its velocities from now on, for as long as the next one may take.
     #[inline]
-    fn check_command(
+    fn take_time(&mut self, offer: &Offer<'_>) {
+        (self.held_for, self.goes_on_for) = (0.0, GOES_ON_FOR.max(2.0 * offer.ahead));
+    }
+
+    /// The verdict on a command that is looked at joint by joint.
+    #[cold]
+    #[inline(never)]
+    pub(super) fn check_command(
         &mut self,
         offer: Offer<'_>,
         measured: Measured<'_>,
@@ -221,6 +191,8 @@ impl Gate {
     }
 
     /// Applies the safe state, `dt` s after the step before.
+    #[cold]
+    #[inline(never)]
     pub fn make_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         let state = self.settings.safe_state;
         let position = measured.position;
@@ -229,7 +201,8 @@ impl Gate {
             self.enter_safe(measured.position, measured.velocity, measured.gravity);
         } else if matches!(state, SafeState::Hold | SafeState::Brake) {
             for (i, (setpoint, limits)) in self.setpoints.iter_mut().zip(&self.joints).enumerate() {
-                let joint = joint(measured.position, measured.velocity, self.gravity[i], i, setpoint);
+                let joint =
+                    Joint::measured(measured.position, measured.velocity, self.gravity[i], i, setpoint);
                 *setpoint = stay(state, &joint, limits, setpoint, dt);
             }
         }
@@ -243,16 +216,14 @@ impl Gate {
         if self.state == GateState::Safe && self.settings.safe_state == SafeState::ZeroTorque {
             return;
         }
-        for ((setpoint, velocities), q) in self.setpoints.iter_mut().zip(&self.velocities).zip(position) {
-            (setpoint.min_velocity, setpoint.max_velocity) = velocities.at(*q);
-        }
+        self.envelope.bound_velocities(&mut self.setpoints, position);
     }
 
     fn enter_safe(&mut self, position: &[f64], velocity: &[f64], gravity: &mut dyn FnMut(&mut [f64])) {
         gravity(&mut self.gravity);
         let followed = self.state != GateState::Safe;
         for (i, (setpoint, limits)) in self.setpoints.iter_mut().zip(&self.joints).enumerate() {
-            let joint = joint(position, velocity, self.gravity[i], i, setpoint);
+            let joint = Joint::measured(position, velocity, self.gravity[i], i, setpoint);
             let last = *setpoint;
             *setpoint = enter(self.settings.safe_state, &joint, limits, &last);
             if followed && self.settings.safe_state == SafeState::Hold {
@@ -262,7 +233,7 @@ impl Gate {
                 setpoint.effort = (setpoint.effort + jump).clamp(-limits.effort, limits.effort);
             }
         }
-        (self.state, self.in_safe, self.lags) = (GateState::Safe, true, false);
+        (self.state, self.in_safe) = (GateState::Safe, true);
         if followed {
             self.latch();
         }
@@ -282,7 +253,7 @@ impl Gate {
         let (kp, kd) = (command.kp(), command.kd());
         let mut exceeds = false;
         if offer.is_new {
-            (self.held_for, self.goes_on_for) = (0.0, GOES_ON_FOR.max(2.0 * offer.ahead));
+            self.take_time(offer);
         }
         let held_for = self.held_for.min(self.goes_on_for);
         for (i, (next, limits)) in self.next.iter_mut().zip(&self.joints).enumerate() {
@@ -320,7 +291,7 @@ impl Gate {
         account: &impl Account,
     ) -> Verdict {
         let over = if offer.is_new { offer.ahead.max(dt) } else { dt };
-        let fades = self.resume.fade(&mut self.next, dt);
+        self.resume.fade(&mut self.next, dt);
         let mut exceeds = false;
         for (i, (next, limits)) in self.next.iter_mut().zip(&self.joints).enumerate() {
             let last = &self.setpoints[i];
@@ -343,8 +314,7 @@ impl Gate {
             }
             return self.make_safe(measured, dt);
         }
-        core::mem::swap(&mut self.setpoints, &mut self.next);
-        self.lags = fades || exceeds;
+        self.setpoints.copy_from_slice(&self.next);
         Verdict::Applied
     }
 
@@ -352,7 +322,7 @@ impl Gate {
     fn leave_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
         self.in_safe = false;
         let joints = self.setpoints.iter().enumerate().map(|(i, setpoint)| {
-            (setpoint, joint(measured.position, measured.velocity, self.gravity[i], i, setpoint))
+            (setpoint, Joint::measured(measured.position, measured.velocity, self.gravity[i], i, setpoint))
         });
         self.resume.begin(joints);
         let pairs = self.next.iter().zip(&self.setpoints).zip(&self.joints).enumerate();
@@ -364,10 +334,10 @@ impl Gate {
                 return self.approach(measured, dt);
             }
             self.resume.begin_fading(&self.next, &self.setpoints);
-            self.lags = self.resume.fade(&mut self.next, dt);
+            self.resume.fade(&mut self.next, dt);
         }
         self.state = GateState::Following;
-        core::mem::swap(&mut self.setpoints, &mut self.next);
+        self.setpoints.copy_from_slice(&self.next);
         Verdict::Applied
     }
 
@@ -376,24 +346,15 @@ impl Gate {
         (measured.gravity)(&mut self.gravity);
         let mut all_met = true;
         for (i, (next, limits)) in self.next.iter().zip(&self.joints).enumerate() {
-            let joint = joint(measured.position, measured.velocity, self.gravity[i], i, &self.setpoints[i]);
+            let joint =
+                Joint::measured(measured.position, measured.velocity, self.gravity[i], i, &self.setpoints[i]);
             let (setpoint, met) = self.resume.advance(i, next, limits, &joint, dt);
             self.setpoints[i] = setpoint;
             all_met &= met;
         }
         if self.resume.end_step(all_met, dt) {
-            (self.state, self.lags) = (GateState::Following, true);
+            self.state = GateState::Following;
         }
         Verdict::Resuming
-    }
-}
-
-/// Joint `i` as it is measured; a reading that is not finite counts as the setpoint, at rest.
-fn joint(position: &[f64], velocity: &[f64], gravity: f64, i: usize, setpoint: &JointSetpoint) -> Joint {
-    let finite = |x: f64, other: f64| if x.is_finite() { x } else { other };
-    Joint {
-        position: finite(position[i], setpoint.position),
-        velocity: finite(velocity[i], 0.0),
-        gravity: finite(gravity, 0.0),
     }
 }

@@ -2,8 +2,7 @@
 
 use core::cell::Cell;
 
-use super::account::GroupAccount;
-use crate::region::{ComponentBlock, GateState, Latch};
+use crate::region::{GateState, Latch};
 
 /// Time for which all robots must have had good commands before those that stop together go on together, ns. Without it a
 /// robot whose commands are refused now and then would throw the others into the safe state and out of it each time.
@@ -98,9 +97,9 @@ impl Group {
         (safest, self.gates.iter().find_map(|gate| gate.latch.get()))
     }
 
-    /// The account of one gate, in which joints are numbered among all of the actuator.
-    pub(super) fn account<'a>(&self, place: usize, block: &'a ComponentBlock) -> GroupAccount<'a> {
-        GroupAccount::new(block, self.gates[place].first)
+    /// Number of a gate's first joint among those of the actuator.
+    pub(super) fn first_joint(&self, place: usize) -> usize {
+        self.gates[place].first
     }
 }
 

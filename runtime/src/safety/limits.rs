@@ -13,7 +13,7 @@ const LARGEST_GAIN: f64 = 1e9;
 /// A position setpoint may lie this share of the joint's range outside of it: sensor noise at a stop.
 const RANGE_TOLERANCE: f64 = 1e-3;
 /// Rates may exceed their limit by this share: rounding of a setpoint that was integrated at the limit.
-const ROUNDING: f64 = 1e-6;
+pub(super) const ROUNDING: f64 = 1e-6;
 
 /// The limits of one joint and of its drive, and the gains of its safe states.
 ///
@@ -116,16 +116,22 @@ impl JointSetpoint {
     }
 }
 
-/// The velocities that a joint may have at each of its positions: those from which it can be brought to rest at the end of
-/// its range.
+/// The limits of one joint as the numbers with which each of its commands is compared, one after the other in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct VelocityRange {
-    lower: f64,
-    upper: f64,
-    velocity: f64,
-    twice_acceleration: f64,
-    /// Distance to the end of the range from which the limit is smaller than the joint's.
+#[repr(C, align(16))]
+pub(super) struct Bounds {
+    pub(super) max_kp: f64,
+    pub(super) max_kd: f64,
+    pub(super) effort: f64,
+    pub(super) effort_rate: f64,
+    pub(super) lower: f64,
+    pub(super) upper: f64,
+    pub(super) velocity: f64,
+    pub(super) acceleration: f64,
+    /// Distance to the end of the range from which the velocity limit is smaller than the joint's: from there on the joint
+    /// can only just be brought to rest before the end.
     distance: f64,
+    twice_acceleration: f64,
 }
 
 /// Acceleration of a joint whose model gives none: the velocity limit within this time, s.
@@ -133,33 +139,45 @@ pub(super) const FULL_SPEED: f64 = 0.2;
 /// Share of the velocity limit that a joint may have at the very end of its range, or it could never leave it.
 const CREEP: f64 = 0.05;
 
-impl VelocityRange {
+impl Bounds {
     pub(super) fn of(limits: &JointLimits) -> Self {
+        let JointLimits { lower, upper, velocity, acceleration, effort, effort_rate, max_kp, max_kd, .. } =
+            *limits;
         let twice_acceleration = 2.0 * limits.usual_acceleration();
+        let distance = if velocity.is_finite() { velocity.powi(2) / twice_acceleration } else { 0.0 };
         Self {
-            lower: limits.lower,
-            upper: limits.upper,
-            velocity: limits.velocity,
+            max_kp,
+            max_kd,
+            effort,
+            effort_rate,
+            lower,
+            upper,
+            velocity,
+            acceleration,
+            distance,
             twice_acceleration,
-            distance: if limits.velocity.is_finite() {
-                limits.velocity.powi(2) / twice_acceleration
-            } else {
-                0.0
-            },
         }
     }
 
-    /// Lowest and highest velocity at position `q`.
+    /// Lowest and highest velocity that the joint may have at position `q`.
     #[inline]
-    pub(super) fn at(&self, q: f64) -> (f64, f64) {
-        let towards = |distance: f64| {
-            if distance < self.distance {
-                (self.twice_acceleration * distance.max(0.0)).sqrt().max(CREEP * self.velocity)
-            } else {
-                self.velocity
-            }
-        };
-        (-towards(q - self.lower), towards(self.upper - q))
+    pub(super) fn velocities_at(&self, q: f64) -> (f64, f64) {
+        let (below, above) = (q - self.lower, self.upper - q);
+        if (below < self.distance) | (above < self.distance) {
+            return (-self.velocity_towards(below), self.velocity_towards(above));
+        }
+        (-self.velocity, self.velocity)
+    }
+
+    /// The velocity limit towards an end of the range that is so far away.
+    #[cold]
+    #[inline(never)]
+    fn velocity_towards(&self, distance: f64) -> f64 {
+        if distance < self.distance {
+            (self.twice_acceleration * distance.max(0.0)).sqrt().max(CREEP * self.velocity)
+        } else {
+            self.velocity
+        }
     }
 }
 

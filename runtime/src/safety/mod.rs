@@ -22,15 +22,18 @@ mod freshness;
 mod gate;
 mod group;
 mod limits;
+mod offer;
 mod port;
 mod resume;
 mod states;
 #[cfg(test)]
 mod tests;
+mod within;
 
 pub use account::Account;
 pub use freshness::{Age, Freshness, SuspendClock};
-pub use gate::{Gate, GateSettings, Measured, Offer, Verdict};
+pub use gate::{Gate, GateSettings};
 pub use limits::{BRAKING_BAND, JointLimits, JointSetpoint};
+pub use offer::{Measured, Offer, Verdict};
 pub use port::CommandGate;
 pub use states::{Joint, enter, stay};

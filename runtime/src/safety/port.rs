@@ -3,18 +3,22 @@
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::account::{Account as _, NoAccount};
+use super::account::{Account as _, GroupAccount, NoAccount};
 use super::freshness::{Age, Freshness, SuspendClock};
-use super::gate::{Gate, GateSettings, Measured, Offer, Verdict};
+use super::gate::{Gate, GateSettings};
 use super::group::Group;
 use super::limits::{JointLimits, JointSetpoint};
+use super::offer::{Measured, Offer, Verdict};
 use crate::component::{ConfigureError, Setup};
-use crate::context::Context;
+use crate::context::{Access, Context};
 use crate::os::{boottime_ns, monotonic_ns};
 use crate::plan::EMERGENCY_STOP_PORT;
 use crate::region::{Command, GateState, Latch, MissCause};
 use crate::state::{EmergencyStop, JointCommand, MAX_JOINTS, Stamp};
 use crate::transport::Input;
+
+/// Lines of each part of a gate's memory that are fetched before a step: those of the largest arm.
+const GATE_LINES: usize = 12;
 
 /// The gate through which the commands of an actuator pass, at every step.
 ///
@@ -70,9 +74,15 @@ pub struct CommandGate {
     /// Time of the last step in which a command was checked, ns: a step counts as one miss, however many periods it makes up for.
     checked_ns: u64,
     shown: Option<(GateState, Option<Latch>)>,
+    /// Its memory is noted among the lines that a step needs first.
+    is_noted: bool,
     /// The gates of the same actuator, and this one's place among them.
     group: Rc<Group>,
     place: usize,
+    /// What the group says once and for all, at hand: a stale command of another gate stops this one, and the number of the first
+    /// joint among all of the actuator.
+    stops_together: bool,
+    first_joint: usize,
 }
 
 impl Setup {
@@ -135,7 +145,10 @@ impl Setup {
             stepped_ns: 0,
             checked_ns: 0,
             shown: None,
+            is_noted: false,
             context,
+            stops_together: group.stops_together(),
+            first_joint: group.first_joint(place),
             group,
             place,
         })
@@ -232,14 +245,14 @@ impl CommandGate {
         let ahead_ns = before.map_or(0, |before| stamp.state_time.saturating_sub(before.state_time));
         let ahead = ahead_ns.min(self.freshness.stale_after_ns) as f64 * 1e-9;
         let offer = Offer { command: &reading, is_new, ahead };
-        if self.group.stops_together() {
+        if self.stops_together {
             let good = age == Age::Fresh && self.gate.take(&offer, &NoAccount).is_ok();
             self.group.set_good(self.place, good, step_ns);
         }
         match age {
             Age::Fresh => {
-                let account = self.group.account(self.place, block);
-                if self.group.holds(step_ns) {
+                let account = GroupAccount::new(block, self.first_joint);
+                if self.stops_together && self.group.holds(step_ns) {
                     if let Err(reason) = self.gate.take(&offer, &account)
                         && is_new
                     {
@@ -297,10 +310,28 @@ impl CommandGate {
         let state = if safe { GateState::Safe } else { self.gate.state() };
         let latch = latch.or((self.gate.is_latched() || self.tripped).then_some(Latch::SafeState));
         let show = Some((state, latch));
-        if self.shown == show {
+        if self.shown != show {
+            self.shown = show;
+            self.note_first_lines();
+            self.write(state, latch, verdict);
+        }
+    }
+
+    /// Notes the memory of the common step among the lines that a step needs first, once the gate lies where it stays.
+    fn note_first_lines(&mut self) {
+        if core::mem::replace(&mut self.is_noted, true) {
             return;
         }
-        self.shown = show;
+        let (lines, (bounds, setpoints)) = (self.context.first_lines(), self.gate.memory());
+        lines.note_values(core::slice::from_ref(self), Access::Write, GATE_LINES);
+        lines.note_values(bounds, Access::Read, GATE_LINES);
+        lines.note_values(setpoints, Access::Write, GATE_LINES);
+    }
+
+    /// Writes the state into the control block.
+    #[cold]
+    #[inline(never)]
+    fn write(&self, state: GateState, latch: Option<Latch>, verdict: Verdict) {
         let block = self.context.block();
         let (state, latch) = self.group.show(self.place, state, latch);
         block.gate.set(state, latch);

@@ -217,12 +217,18 @@ impl Resume {
         is_over
     }
 
-    /// Adds to the commands what has not faded, `dt` s after the step before; whether there is any.
-    pub(super) fn fade(&mut self, commands: &mut [JointSetpoint], dt: f64) -> bool {
+    /// True if something has not faded yet.
+    #[inline]
+    pub(super) fn fades(&self) -> bool {
+        self.faded_for.is_finite()
+    }
+
+    /// Adds to the commands what has not faded, `dt` s after the step before.
+    pub(super) fn fade(&mut self, commands: &mut [JointSetpoint], dt: f64) {
         self.faded_for += dt;
         if self.faded_for >= FADE {
             self.faded_for = f64::INFINITY;
-            return false;
+            return;
         }
         for (command, rest) in commands.iter_mut().zip(&self.rests) {
             let rest = rest.at(self.faded_for / FADE);
@@ -234,7 +240,6 @@ impl Resume {
             }
             command.effort += rest.effort;
         }
-        true
     }
 }
 

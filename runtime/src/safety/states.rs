@@ -26,6 +26,24 @@ pub struct Joint {
     pub gravity: f64,
 }
 
+impl Joint {
+    /// Joint `i` as it is measured; a reading that is not finite counts as the setpoint, at rest.
+    pub(super) fn measured(
+        position: &[f64],
+        velocity: &[f64],
+        gravity: f64,
+        i: usize,
+        setpoint: &JointSetpoint,
+    ) -> Self {
+        let finite = |x: f64, other: f64| if x.is_finite() { x } else { other };
+        Self {
+            position: finite(position[i], setpoint.position),
+            velocity: finite(velocity[i], 0.0),
+            gravity: finite(gravity, 0.0),
+        }
+    }
+}
+
 /// The setpoint with which a joint enters a safe state: a pure function of the joint as it is measured, its limits and
 /// the setpoint `last` that was applied before.
 ///

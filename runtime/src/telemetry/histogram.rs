@@ -2,9 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use serde::{Deserialize, Serialize};
-
-use super::Snapshot;
+use super::snapshot::{Percentiles, Snapshot};
 
 /// Bits of precision within a power of two: buckets are at most 1/32 wide.
 const SUB_BITS: u32 = 5;
@@ -34,19 +32,6 @@ impl Default for Histogram {
             buckets: [const { AtomicU64::new(0) }; BUCKETS],
         }
     }
-}
-
-/// Percentiles of a histogram, ns; untrimmed, `max` exact, the others to 3 %.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct Percentiles {
-    /// Half of all values are at most this.
-    pub p50: u64,
-    /// 99 % of all values are at most this.
-    pub p99: u64,
-    /// 99.9 % of all values are at most this.
-    pub p999: u64,
-    /// The largest value.
-    pub max: u64,
 }
 
 impl Histogram {

@@ -6,5 +6,5 @@ mod snapshot;
 
 pub(crate) use allocation::place_of_counts;
 pub use allocation::{Allocations, CountingAllocator, allocations, counts_allocations, set_apart};
-pub use histogram::{Histogram, Percentiles};
-pub use snapshot::Snapshot;
+pub use histogram::Histogram;
+pub use snapshot::{Percentiles, Snapshot};

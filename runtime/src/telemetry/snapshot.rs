@@ -1,6 +1,19 @@
 //! A histogram at one moment, and what was recorded between two.
 
-use super::Percentiles;
+use serde::{Deserialize, Serialize};
+
+/// Percentiles of a histogram, ns; untrimmed, `max` exact, the others to 3 %.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Percentiles {
+    /// Half of all values are at most this.
+    pub p50: u64,
+    /// 99 % of all values are at most this.
+    pub p99: u64,
+    /// 99.9 % of all values are at most this.
+    pub p999: u64,
+    /// The largest value.
+    pub max: u64,
+}
 
 /// Copy of a [`Histogram`](super::Histogram) at one moment: what its buckets held, and no more room than that takes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

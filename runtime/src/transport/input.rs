@@ -6,8 +6,8 @@ use std::time::Duration;
 use super::latest::{StateReader, TopicMemory};
 use super::reading::Effects;
 use super::stream::StreamReader;
-use super::topic::{open, refused, same_layout};
-use super::{Connect, InputPlace, Participant, PortError};
+use super::topic::same_layout;
+use super::{Connect, InputPlace, Participant, PortError, refused};
 use crate::context::Context;
 use crate::declare::TopicPattern;
 use crate::state::{Stamp, StateBuffer};
@@ -100,7 +100,7 @@ impl<T: StateBuffer> Input<T> {
                 Source::State(reader)
             }
             TopicPattern::Stream { .. } => {
-                let queue = Box::new(StreamReader::open(&open::<T>(participant, topic)?, place)?);
+                let queue = Box::new(StreamReader::open(participant, place)?);
                 Source::Stream { queue, memory, seen: 0 }
             }
             TopicPattern::Slices { .. } => {
@@ -128,18 +128,12 @@ impl<T: StateBuffer> Input<T> {
     /// does not disturb the publisher.
     #[inline]
     pub fn has_news(&self) -> bool {
-        let newest = match &self.source {
+        let (newest, seen) = match &self.source {
             Source::Unwired => return false,
-            Source::State(state) => state.newest(),
-            Source::Stream { memory, .. } => memory.newest().number(),
+            Source::State(state) => (state.newest(), state.seen()),
+            Source::Stream { memory, seen, .. } => (memory.newest().number(), *seen),
         };
-        let seen = match &self.source {
-            _ if !self.effects.is_of_this_episode() => 0,
-            Source::Unwired => 0,
-            Source::State(state) => state.seen(),
-            Source::Stream { seen, .. } => *seen,
-        };
-        newest != seen
+        newest != if self.effects.is_of_this_episode() { seen } else { 0 }
     }
 
     /// Waits until the topic has been published after the last read of this input, for at most `longest`; true if it has. It may
@@ -199,7 +193,7 @@ impl<T: StateBuffer> Input<T> {
         let (stamp, payload) = match &self.source {
             Source::Unwired => return None,
             Source::State(state) => state.current()?,
-            Source::Stream { queue, .. } => queue.current()?,
+            Source::Stream { queue, .. } => queue.value()?,
         };
         Some(Reading { stamp, payload, context: self.effects.context() })
     }
@@ -229,7 +223,8 @@ impl<T: StateBuffer> Input<T> {
                     queue.begin_episode();
                 }
                 *seen = memory.newest().number();
-                if !queue.take(self.effects.context()) {
+                let is_valid = |values: &[T]| values.iter().all(|value| value.check().is_ok());
+                if !queue.take(self.effects.context(), is_valid) {
                     return false;
                 }
                 queue.current().map(|(stamp, _)| stamp)

@@ -10,6 +10,7 @@
 //! value from outside of the graph. [`RawInput`] and [`RawOutput`] carry types known at run time only.
 //! [`Domain`] keeps runs apart; each topic is a service of it that `iox2` lists.
 
+mod error;
 mod input;
 pub(crate) mod latest;
 mod output;
@@ -27,6 +28,8 @@ mod trigger;
 
 pub use crate::domain::{Domain, DomainError, SHARED_MEMORY, ServiceError, Shared, quieten};
 pub use crate::parameter::{AnyParameter, Choice, Parameter, ParameterArray, ParameterError, ParameterTable};
+pub use error::PortError;
+use error::refused;
 pub use input::{Input, Reading};
 pub(crate) use latest::TopicMemory;
 pub use output::{Loan, Output};
@@ -39,7 +42,6 @@ pub(crate) use stream::Connect;
 pub use stream::{SliceInput, SliceLoan, SliceOutput};
 pub(crate) use tap::first_place;
 pub use tap::{Sample, Tap};
-pub use topic::PortError;
 pub(crate) use topic::{TopicService, same_layout};
 pub(crate) use trigger::SPIN_NS;
 pub use trigger::Trigger;

@@ -9,8 +9,8 @@ use std::rc::Rc;
 use super::latest::StateWriter;
 use super::publication::{TopicWriter, checked};
 use super::stream::{Lent, StreamWriter};
-use super::topic::{refused, same_layout};
-use super::{Connect, OutputPlace, Participant, PortError};
+use super::topic::same_layout;
+use super::{Connect, OutputPlace, Participant, PortError, refused};
 use crate::context::Context;
 use crate::declare::{StepError, TopicPattern};
 use crate::state::{Checked, Field, StateBuffer};
@@ -76,7 +76,7 @@ impl<T: StateBuffer> Output<T> {
                 let state = Rc::new(StateWriter::new(memory.clone()));
                 (Sink::State(state.clone()), Some(state))
             }
-            TopicPattern::Stream { .. } => (Sink::Stream(StreamWriter::<T>::open(participant, topic)?), None),
+            TopicPattern::Stream { .. } => (Sink::Stream(StreamWriter::open(participant, topic, 1)?), None),
             TopicPattern::Slices { .. } => {
                 let reason = &"it carries slices: open the port with `Setup::slice_output`";
                 return Err(refused(&topic.name, "opening a port for single values")(reason));
@@ -111,9 +111,9 @@ impl<T: StateBuffer> Output<T> {
             Sink::State(state) => (NonNull::from_mut(unsafe { state.value_mut::<T>() }), None),
             Sink::Stream(stream) => {
                 let mut sample = stream
-                    .lend()
+                    .lend(1)
                     .ok_or(StepError::Transport { port: self.port, reason: "no sample could be lent" })?;
-                (NonNull::from_mut(sample.payload_mut()), Some(sample))
+                (NonNull::from_mut(sample.payload_mut()).cast::<T>(), Some(sample))
             }
         };
         Ok(Loan { value, sample, output: self, checked: Checked::default() })
@@ -234,15 +234,12 @@ impl<T: StateBuffer> Loan<'_, T> {
 
     #[inline(always)]
     fn finish(self, source_ns: Option<u64>) -> Result<(), StepError> {
-        let Self { value, sample, output: Output { port, sink, topic, context }, checked: part } = self;
+        let Self { value, sample, output: Output { port, topic, context, .. }, checked: part } = self;
         // SAFETY: as in `deref`.
         let check = |_: &_| unsafe { value.as_ref() }.check_rest(&part);
         // SAFETY: as in `deref`.
         let digest = |_: &_, digest: &mut _| unsafe { value.as_ref() }.digest(digest);
-        let send = |sample: Option<_>, stamp| match (sink, sample) {
-            (Sink::Stream(stream), Some(sample)) => stream.send(sample, stamp),
-            _ => false,
-        };
+        let send = |sample: Option<Lent<T>>, stamp| sample.is_some_and(|sample| sample.send(stamp));
         let published = match topic {
             Some(topic) => topic.publish((context, source_ns), sample, check, digest, send),
             None => checked(context, check(&sample)),

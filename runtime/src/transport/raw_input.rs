@@ -4,9 +4,8 @@ use std::rc::Rc;
 
 use super::latest::StateReader;
 use super::reading::Effects;
-use super::stream::{Bytes, StreamReader, bytes};
-use super::topic::{open_bytes, refused};
-use super::{Connect, InputPlace, Participant, PortError};
+use super::stream::StreamReader;
+use super::{Connect, InputPlace, Participant, PortError, refused};
 use crate::context::Context;
 use crate::declare::TopicPattern;
 use crate::state::{Stamp, TypeLayout};
@@ -27,7 +26,7 @@ pub struct RawInput {
 enum Source {
     Unwired,
     State(StateReader),
-    Stream(StreamReader<Bytes>),
+    Stream(StreamReader<u8>),
 }
 
 /// A value in shared memory, as it was when its input was read.
@@ -51,9 +50,7 @@ impl RawInput {
             TopicPattern::Slices { .. } => {
                 return Err(refused(&topic.name, "opening a port for bytes")(&"it carries slices"));
             }
-            TopicPattern::Stream { .. } => {
-                Source::Stream(StreamReader::open(&open_bytes(participant.node(), topic)?, place)?)
-            }
+            TopicPattern::Stream { .. } => Source::Stream(StreamReader::open(participant, place)?),
         };
         let topic = Some((topic.name.clone(), topic.layout.clone()));
         Ok(Self { topic, source, effects: Effects::new(participant, place) })
@@ -90,7 +87,7 @@ impl RawInput {
                     queue.begin_episode();
                 }
                 let mut is_new = false;
-                while queue.take(self.effects.context()) {
+                while queue.take(self.effects.context(), |_| true) {
                     is_new = true;
                 }
                 is_new
@@ -113,7 +110,7 @@ impl RawInput {
         let (stamp, bytes) = match &self.source {
             Source::Unwired => return None,
             Source::State(state) => state.current_bytes()?,
-            Source::Stream(queue) => queue.current().map(|(stamp, sample)| (stamp, bytes(sample)))?,
+            Source::Stream(queue) => queue.current()?,
         };
         Some(RawReading { stamp, bytes })
     }

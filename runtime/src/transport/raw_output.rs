@@ -6,8 +6,8 @@ use std::rc::Rc;
 
 use super::latest::StateWriter;
 use super::publication::{TopicWriter, Unpublished, checked};
-use super::topic::{fits, refused};
-use super::{OutputPlace, Participant, PortError};
+use super::topic::fits;
+use super::{OutputPlace, Participant, PortError, refused};
 use crate::context::Context;
 use crate::declare::TopicPattern;
 use crate::plan::PortPlan;

@@ -1,12 +1,11 @@
 //! Reading a topic from outside of the graph, by its layout alone.
 
 use iceoryx2::node::Node;
-use iceoryx2::port::subscriber::Subscriber;
 
-use super::PortError;
 use super::latest::{self, TopicMemory};
-use super::stream::{Bytes, bytes};
-use super::topic::{open_bytes, refused};
+use super::stream::{Queue, parts, receive};
+use super::topic::open_queue;
+use super::{PortError, refused};
 use crate::declare::TopicPattern;
 use crate::domain::{Domain, Shared};
 use crate::os::Lock;
@@ -30,7 +29,7 @@ pub struct Tap {
 enum Source {
     State(Box<latest::Tap>),
     Stream {
-        queue: Subscriber<Shared, Bytes, Stamp>,
+        queue: Queue,
         /// Restart count and number of the last value read.
         last: (u32, u64),
         missed: u64,
@@ -56,9 +55,7 @@ pub(crate) fn first_place(topic: &str) -> u32 {
 impl Source {
     /// A reader of a topic whose values come through queues.
     fn stream(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
-        let queue = open_bytes(node, topic)?.subscriber_builder().create();
-        let queue = queue.map_err(|error| refused(&topic.name, "making a subscriber")(&error))?;
-        Ok(Self::Stream { queue, last: (0, 0), missed: 0 })
+        Ok(Self::Stream { queue: open_queue(node, topic)?, last: (0, 0), missed: 0 })
     }
 }
 
@@ -123,13 +120,13 @@ impl Tap {
         match &mut self.source {
             Source::State(tap) => tap.next(read),
             Source::Stream { queue, last, missed } => {
-                let Some(sample) = queue.receive().ok().flatten() else { return false };
-                let stamp = sample.user_header();
+                let Some(sample) = receive(queue) else { return false };
+                let (stamp, bytes) = parts(&sample);
                 if last.1 > 0 {
                     *missed += stamp.sequence.saturating_sub(last.1 + 1);
                 }
                 *last = (stamp.restart_count, stamp.sequence);
-                read(stamp, bytes(sample.payload()));
+                read(stamp, bytes);
                 true
             }
         }

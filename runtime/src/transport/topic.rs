@@ -2,7 +2,6 @@
 
 #![allow(unsafe_code)] // services are made from layouts, so that the launcher need not know the Rust types
 
-use core::fmt::Debug;
 use std::rc::Rc;
 
 use iceoryx2::node::Node;
@@ -11,64 +10,22 @@ use iceoryx2::service::attribute::{AttributeKey, AttributeValue};
 use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::publish_subscribe;
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
-use iceoryx2_bb_elementary_traits::iceoryx_send::IceoryxSend;
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable as _;
 
-use super::Participant;
+use super::error::{PortError, refused};
 use super::latest::{SIDE_PINS, TopicMemory};
-use super::stream::Bytes;
+use super::stream::{Bytes, Header, Queue, Sender};
 use crate::declare::TopicPattern;
-use crate::domain::{self, ServiceError, Shared, service_name};
+use crate::domain::{Shared, service_name};
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer, TypeLayout};
 
 const LAYOUT_ATTRIBUTE: &str = "layout";
 
-/// A port could not be opened or a topic not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum PortError {
-    /// The component asked for a port it did not declare.
-    #[error("port `{port}` is not declared; declare it in `Component::declare`")]
-    NotDeclared {
-        /// The port.
-        port: String,
-    },
-    /// The component opened the port as another type than it declared.
-    #[error("port `{port}` was declared with one type and opened with another:\n{difference}")]
-    TypeChanged {
-        /// The port.
-        port: String,
-        /// Both layouts.
-        difference: String,
-    },
-    /// The topic holds another type.
-    #[error("topic `{topic}` holds another type than port `{port}` expects:\n{difference}")]
-    Layout {
-        /// The topic.
-        topic: String,
-        /// The port.
-        port: String,
-        /// Both layouts.
-        difference: String,
-    },
-    /// iceoryx2 refused.
-    #[error(transparent)]
-    Refused(#[from] ServiceError),
-}
-
-/// The error of an operation on a topic.
-pub(super) fn refused(
-    topic: &str,
-    action: &'static str,
-) -> impl Fn(&dyn core::fmt::Display) -> PortError + use<> {
-    let refused = domain::refused(format!("topic `{topic}`"), action);
-    move |reason| PortError::Refused(refused(reason))
-}
-
 /// The services of one topic, held by the launcher so that they outlive every component.
 #[derive(Debug)]
 pub(crate) struct TopicService {
-    samples: Samples<Bytes>,
+    samples: Samples,
     memory: Rc<TopicMemory>,
     wakes: bool,
 }
@@ -84,7 +41,7 @@ impl TopicService {
         let (key, value) = layout_attribute(topic)?;
         let failed = refused(&topic.name, "creating");
         let attributes = AttributeSpecifier::new().define(&key, &value).map_err(|error| failed(&error))?;
-        let samples = bytes_builder(node, topic)?
+        let samples = builder(node, topic)?
             .subscriber_max_buffer_size(depth)
             .subscriber_max_borrowed_samples(2)
             .history_size(1)
@@ -117,7 +74,7 @@ impl TopicService {
 }
 
 /// The iceoryx2 service of a topic.
-pub(super) type Samples<P> = publish_subscribe::PortFactory<Shared, P, Stamp>;
+type Samples = publish_subscribe::PortFactory<Shared, Bytes, Header>;
 
 /// The attribute of a topic's service that names the layout of its values.
 fn layout_attribute(topic: &TopicPlan) -> Result<(AttributeKey, AttributeValue), PortError> {
@@ -127,26 +84,23 @@ fn layout_attribute(topic: &TopicPlan) -> Result<(AttributeKey, AttributeValue),
     Ok((key, value))
 }
 
-fn builder<P: IceoryxSend + Debug + ?Sized>(
-    node: &Node<Shared>,
-    topic: &TopicPlan,
-) -> Result<Builder<P, Stamp, Shared>, PortError> {
-    let service = node.service_builder(&service_name("topic", &topic.name)?);
-    Ok(service.publish_subscribe::<P>().user_header::<Stamp>())
-}
-
-/// As [`builder`], of a type that is described by the plan alone.
-fn bytes_builder(node: &Node<Shared>, topic: &TopicPlan) -> Result<Builder<Bytes, Stamp, Shared>, PortError> {
+/// The service of a topic, whose types the plan alone describes.
+fn builder(node: &Node<Shared>, topic: &TopicPlan) -> Result<Builder<Bytes, Header, Shared>, PortError> {
     let variant = match topic.pattern {
         TopicPattern::State | TopicPattern::Stream { .. } => TypeVariant::FixedSize,
         TopicPattern::Slices { .. } => TypeVariant::Dynamic,
     };
     let TypeLayout { type_name, size, alignment, .. } = &topic.layout;
-    let detail = TypeDetail::__internal_new_from_parts(variant, type_name, *size, *alignment)
+    let payload = TypeDetail::__internal_new_from_parts(variant, type_name, *size, *alignment)
         .map_err(|error| refused(&topic.name, "describing its type")(&format!("{error:?}")))?;
-    // SAFETY: the detail describes a `StateBuffer`: `repr(C)`, fixed size, the alignment it was declared with. iceoryx2
-    // compares it with that of a service that is there.
-    Ok(unsafe { builder(node, topic)?.__internal_set_payload_type_details(&detail) })
+    let stamp = TypeDetail::new::<Stamp>(TypeVariant::FixedSize);
+    let service = node.service_builder(&service_name("topic", &topic.name)?);
+    let builder = service.publish_subscribe::<Bytes>().user_header::<Header>();
+    // SAFETY: the details describe a `StateBuffer`: `repr(C)`, fixed size, the alignment it was declared with; and a `Stamp`.
+    // iceoryx2 compares them with those of a service that is there.
+    Ok(unsafe {
+        builder.__internal_set_payload_type_details(&payload).__internal_set_user_header_type_details(&stamp)
+    })
 }
 
 /// Checks that the topic's layout is the one this program was built with.
@@ -166,28 +120,28 @@ pub(super) fn fits(mine: &TypeLayout, topic: &TopicPlan, port: &str) -> Result<(
     })
 }
 
-/// Opens the iceoryx2 service of a topic for values of a type whose layout fits.
-pub(super) fn open<T: StateBuffer>(
-    participant: &Participant,
-    topic: &TopicPlan,
-) -> Result<Samples<T>, PortError> {
-    let builder = builder::<T>(participant.node(), topic)?;
-    builder.open_with_attributes(&required(topic)?).map_err(|error| refused(&topic.name, "opening")(&error))
+/// Opens the service of a topic, which the launcher has made.
+fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Samples, PortError> {
+    builder(node, topic)?
+        .open_with_attributes(&required(topic)?)
+        .map_err(|error| refused(&topic.name, "opening")(&error))
 }
 
-/// As [`open`], for slices.
-pub(super) fn open_slices<T: StateBuffer>(
-    participant: &Participant,
-    topic: &TopicPlan,
-) -> Result<Samples<[T]>, PortError> {
-    let builder = builder::<[T]>(participant.node(), topic)?;
-    builder.open_with_attributes(&required(topic)?).map_err(|error| refused(&topic.name, "opening")(&error))
+/// A queue of a topic's samples.
+pub(super) fn open_queue(node: &Node<Shared>, topic: &TopicPlan) -> Result<Queue, PortError> {
+    let queue = open(node, topic)?.subscriber_builder().create();
+    queue.map_err(|error| refused(&topic.name, "making a subscriber")(&error))
 }
 
-/// As [`open`], for bytes in the layout of the plan.
-pub(super) fn open_bytes(node: &Node<Shared>, topic: &TopicPlan) -> Result<Samples<Bytes>, PortError> {
-    let builder = bytes_builder(node, topic)?;
-    builder.open_with_attributes(&required(topic)?).map_err(|error| refused(&topic.name, "opening")(&error))
+/// The sender of a topic's samples, of so many elements at most.
+pub(super) fn open_sender(
+    node: &Node<Shared>,
+    topic: &TopicPlan,
+    longest: usize,
+) -> Result<Sender, PortError> {
+    let service = open(node, topic)?;
+    let sender = service.publisher_builder().max_loaned_samples(1).initial_max_slice_len(longest).create();
+    sender.map_err(|error| refused(&topic.name, "making a publisher")(&error))
 }
 
 /// The attribute that the service of a topic must have.

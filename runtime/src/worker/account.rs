@@ -2,7 +2,7 @@
 
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::stepper::Timing;
+use super::timing::Timing;
 use super::verdict::{Evidence, LeakyCounter};
 use crate::os::{WaitedForCore, thread_cpu_ns, times_asleep};
 use crate::plan::{ComponentPlan, OnOverrun};

@@ -3,9 +3,9 @@
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
-use super::stepper::{Stepper, Timing};
-use super::{Configured, Failure, configure, connect, failure};
-use crate::component::Component;
+use super::stepper::Stepper;
+use super::timing::Timing;
+use super::{Configured, Failure, Make, configure, connect, failure};
 use crate::context::Context;
 use crate::os;
 use crate::plan::Plan;
@@ -40,11 +40,11 @@ pub(crate) trait Hosted {
 }
 
 /// Configures a component of a run in the calling thread.
-pub(super) fn open<C: Component>(host: &Host<'_>, index: usize) -> Result<Box<dyn Hosted>, Failure> {
+pub(super) fn open(host: &Host<'_>, index: usize, make: Make) -> Result<Box<dyn Hosted>, Failure> {
     failure::catch_panic_messages();
     let context = Rc::new(Context::new(host.plan, index, host.region.clone()).traced());
     context.block().thread.store(os::thread_id() as u32, Relaxed);
-    let Configured { stepper, ports, .. } = configure::<C>(host.folder, host.plan, index, context)?;
+    let Configured { stepper, ports, .. } = configure(host.folder, host.plan, index, context, make)?;
     Ok(Box::new(Open { stepper, ports }))
 }
 

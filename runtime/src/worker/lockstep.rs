@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use super::Failure;
 use super::rounds::Rounds;
-use super::stepper::{Stepper, Timing};
+use super::stepper::Stepper;
+use super::timing::Timing;
 use crate::os::monotonic_ns;
 use crate::plan::Plan;
 use crate::region::Region;

@@ -18,6 +18,7 @@ mod rest;
 mod rounds;
 mod sporadic;
 mod stepper;
+mod timing;
 mod verdict;
 mod watcher;
 
@@ -37,12 +38,13 @@ use std::time::Duration;
 
 use crate::component::{Component, Prepared, Setup};
 use crate::context::Context;
+use crate::declare::ConfigError;
 use crate::os::{self, Request};
 use crate::plan::{Activation, ClockKind, ComponentPlan, OnDenied, Plan};
 use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
 use crate::transport::{Connect, Trigger};
-use stepper::Stepper;
+use stepper::{AnyComponent, Stepper};
 
 /// One component of one run, ready to be run.
 #[derive(Debug)]
@@ -98,13 +100,13 @@ impl Worker {
 }
 
 /// Runs a component from configuration to its end.
-pub(crate) fn run<C: Component>(worker: Worker) -> Outcome {
+fn run(worker: Worker, make: Make) -> Outcome {
     let index = worker.index;
     let region = Rc::new(worker.region);
     let block = &region.components()[index];
     block.thread.store(os::thread_id() as u32, Relaxed);
     failure::catch_panic_messages();
-    let result = live::<C>(&worker.folder, &worker.plan, index, &region, worker.own_process);
+    let result = live(&worker.folder, &worker.plan, index, &region, worker.own_process, make);
     match result {
         Ok(()) => {
             block.enter(Phase::Stopped);
@@ -118,12 +120,13 @@ pub(crate) fn run<C: Component>(worker: Worker) -> Outcome {
     }
 }
 
-fn live<C: Component>(
+fn live(
     folder: &RunFolder,
     plan: &Plan,
     index: usize,
     region: &Rc<Region>,
     own_process: bool,
+    make: Make,
 ) -> Result<(), Failure> {
     let component = &plan.components[index];
     let block = &region.components()[index];
@@ -150,7 +153,7 @@ fn live<C: Component>(
     }
 
     let Configured { mut stepper, ports, trigger, descriptor } =
-        configure::<C>(folder, plan, index, context.clone())?;
+        configure(folder, plan, index, context.clone(), make)?;
 
     // No component steps before every port of every component is connected.
     block.enter(Phase::Ready);
@@ -216,24 +219,38 @@ struct Configured {
 const NO_DESCRIPTOR: &str =
     "its steps are released by a descriptor, and its `configure` has named none by `wake_on`";
 
+/// The part of a configuration that is of the component's type: it reads the `config` table.
+type Make = fn(serde_json::Value) -> Result<Configure, ConfigError>;
+/// The component that follows from a configuration that was read, or the reason for which there is none.
+type Configure = Box<dyn FnOnce(&mut Setup) -> Result<Box<dyn AnyComponent>, String>>;
+
+/// Reads the configuration of a component. All around it is compiled once for all types.
+fn make<C: Component>(config: serde_json::Value) -> Result<Configure, ConfigError> {
+    let config = config::read(config)?;
+    Ok(Box::new(|setup| match C::configure(config, setup) {
+        Ok(component) => Ok(Box::new(component)),
+        Err(error) => Err(error.with_advice()),
+    }))
+}
+
 /// Configures a component: its configuration is read, its ports are opened, its memory is allocated.
-fn configure<C: Component>(
+fn configure(
     folder: &RunFolder,
     plan: &Plan,
     index: usize,
     context: Rc<Context>,
+    make: Make,
 ) -> Result<Configured, Failure> {
     let component = &plan.components[index];
     let tick = context.block().steps.load(Relaxed);
     let at_setup = |message: String| Failure { tick, message };
-    let config = config::read(component.config.clone())
+    let configure = make(component.config.clone())
         .map_err(|error| at_setup(format!("its configuration: {}", error.message)))?;
     // Before those of its ports: there is room for so many.
     context.note_first_lines();
     let setup = failure::guard(|| Setup::new(folder, plan, index, context.clone()));
     let mut setup = setup.map_err(at_setup)?;
-    let made = failure::guard(|| C::configure(config, &mut setup).map_err(|error| error.with_advice()));
-    let made = made.map_err(at_setup)?;
+    let made = failure::guard(|| configure(&mut setup)).map_err(at_setup)?;
     let Prepared { ports, parameters, trigger, descriptor, helpers } = setup.finish();
     let stepper = Stepper::new(made, context, parameters, helpers, component);
     Ok(Configured { stepper, ports, trigger, descriptor })

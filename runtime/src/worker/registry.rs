@@ -1,7 +1,7 @@
 //! Component types known by name.
 
 use super::hosted::{Host, Hosted};
-use super::{Failure, Outcome, Worker};
+use super::{Failure, Make, Outcome, Worker};
 use crate::component::Component;
 use crate::declare::{ConfigError, Declaration, Declare, RobotReference};
 
@@ -18,11 +18,9 @@ pub struct Kind {
     pub reads_gravity: bool,
     declare: DeclareFunction,
     schema: fn(&mut schemars::SchemaGenerator) -> schemars::Schema,
-    pub(crate) run: fn(Worker) -> Outcome,
-    pub(crate) open: OpenFunction,
+    make: Make,
 }
 
-type OpenFunction = fn(&Host<'_>, usize) -> Result<Box<dyn Hosted>, Failure>;
 type DeclareFunction = fn(serde_json::Value, Declare) -> Result<Declaration, ConfigProblem>;
 
 /// A configuration that was refused.
@@ -44,8 +42,7 @@ impl Kind {
             reads_gravity: C::READS_GRAVITY,
             declare: declare::<C>,
             schema: |generator| generator.subschema_for::<C::Config>(),
-            run: super::run::<C>,
-            open: super::hosted::open::<C>,
+            make: super::make::<C>,
         }
     }
 
@@ -73,6 +70,16 @@ impl Kind {
         (self.declare)(config, declare)
     }
 
+    /// Runs a component from configuration to its end.
+    pub(crate) fn run(&self, worker: Worker) -> Outcome {
+        super::run(worker, self.make)
+    }
+
+    /// Configures a component of a run in the calling thread.
+    pub(crate) fn open(&self, host: &Host<'_>, index: usize) -> Result<Box<dyn Hosted>, Failure> {
+        super::hosted::open(host, index, self.make)
+    }
+
     /// The JSON Schema (draft 7) of the `config` table by itself, and the definitions to which it refers.
     pub fn config_schema(&self) -> (serde_json::Value, serde_json::Value) {
         let mut generator = schemars::generate::SchemaSettings::draft07().for_deserialize().into_generator();
@@ -93,13 +100,23 @@ fn declare<C: Component>(
     let config: C::Config =
         super::config::read(config).map_err(|error| ConfigProblem { unread: true, error })?;
     let declared = C::declare(&config, &mut declare);
+    declaration(declare, declared, C::KIND, C::RESETS)
+}
+
+/// The declaration of a component of a kind that has declared itself.
+fn declaration(
+    declare: Declare,
+    declared: Result<(), ConfigError>,
+    kind: &str,
+    resets: bool,
+) -> Result<Declaration, ConfigProblem> {
     if !declare.robots_fit() {
-        let error = ConfigError::key("robots", format!("`{}` works on one robot at most", C::KIND))
+        let error = ConfigError::key("robots", format!("`{kind}` works on one robot at most"))
             .advise("give it one by `robot = \"NAME\"`, and each of the others a component of its own");
         return Err(ConfigProblem { unread: false, error });
     }
     declared.map_err(|error| ConfigProblem { unread: false, error })?;
-    Ok(Declaration { resets: C::RESETS, ..declare.into_declaration() })
+    Ok(Declaration { resets, ..declare.into_declaration() })
 }
 
 /// A check that the model of a robot exists and can be loaded, with its profile. Returns warnings; an error says why it

@@ -6,7 +6,8 @@
 
 use super::Failure;
 use super::rest::Rest;
-use super::stepper::{Stepper, Timing};
+use super::stepper::Stepper;
+use super::timing::Timing;
 use crate::os::{Readiness, monotonic_ns};
 use crate::region::add;
 

@@ -5,6 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use super::account::{self, Accounts, Consequence};
+use super::timing::Timing;
 use super::{Failure, failure};
 use crate::component::{Component, Episode, Helpers, Tick};
 use crate::context::{Access, Context};
@@ -23,7 +24,7 @@ pub(crate) const WARM_UP: u64 = 100;
 const COMPONENT_LINES: usize = 8;
 
 /// A component of any type, so that the loops around its steps are compiled once: their instructions then lie together.
-trait AnyComponent {
+pub(super) trait AnyComponent {
     fn step(&mut self, tick: &Tick) -> Result<(), StepError>;
     fn reset(&mut self, episode: &Episode) -> Result<(), StepError>;
     fn stop(&mut self);
@@ -76,27 +77,9 @@ impl From<String> for Wrong {
     }
 }
 
-/// Release, start and deadline of a step, ns on the clock of stamps.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Timing {
-    pub(super) release_ns: u64,
-    pub(super) wake_ns: u64,
-    pub(super) deadline_ns: u64,
-    /// True if the previous step ended after this release.
-    pub(super) behind: bool,
-}
-
-impl Timing {
-    /// A step in lockstep: it takes no simulated time.
-    pub(super) fn lockstep(time_ns: u64, period_ns: u64) -> Self {
-        let deadline_ns = time_ns.saturating_add(period_ns);
-        Self { release_ns: time_ns, wake_ns: time_ns, deadline_ns, behind: false }
-    }
-}
-
 impl Stepper {
-    pub(super) fn new<C: Component>(
-        component: C,
+    pub(super) fn new(
+        component: Box<dyn AnyComponent>,
         context: Rc<Context>,
         parameters: ParameterReader,
         helpers: Helpers,
@@ -109,8 +92,8 @@ impl Stepper {
         block.begun.store(block.steps.load(Relaxed), Relaxed);
         let first = block.episode_first.load(Relaxed);
         let accounts = Accounts::new(plan);
-        let component = Box::new(component);
-        context.first_lines().note_value(&raw const *component, Access::Write, COMPONENT_LINES);
+        let (first_line, bytes) = ((&raw const *component).cast::<u8>(), size_of_val(&*component));
+        context.first_lines().note_range(first_line, bytes, Access::Write, COMPONENT_LINES);
         Self {
             component,
             context,

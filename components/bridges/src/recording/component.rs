@@ -15,7 +15,9 @@ use motorium::prelude::*;
 use motorium::telemetry::set_apart;
 use motorium::units::TimeSpan;
 
-use super::recorder::{Counts, RecordError, Recorder, Settings};
+use super::outcome::{Outcome, note};
+use super::recorder::Recorder;
+use super::settings::Settings;
 use super::threads;
 
 /// Time between two looks at the topics, at most a quarter of what the taps bridge.
@@ -79,16 +81,6 @@ pub struct Record {
     /// The recorder in lockstep, where the steps record.
     recorder: Option<Recorder>,
     outcome: Arc<Mutex<Outcome>>,
-}
-
-/// Totals of a recording so far.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Outcome {
-    pub(super) counts: Counts,
-    /// Processor time of the threads that read and write, ns; none in lockstep.
-    pub(super) cpu_ns: [Option<u64>; 2],
-    /// The reason for which it ended before the run.
-    ended: Option<String>,
 }
 
 impl Component for Record {
@@ -203,23 +195,6 @@ impl Record {
             let counts = recorder.counts();
             self.recorder = None;
             note(&self.outcome, Some(counts), Err(error));
-        }
-    }
-}
-
-/// Notes what has come of a recording, and tells if it ended before the run.
-pub(super) fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Result<Counts, RecordError>) {
-    let mut outcome = outcome.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(counts) = counts {
-        outcome.counts = counts;
-    }
-    match ended {
-        Ok(counts) => outcome.counts = counts,
-        Err(error) => {
-            eprintln!(
-                "the recording has ended, the run goes on: {error}; `motorium recover` repairs its file"
-            );
-            outcome.ended = Some(error.to_string());
         }
     }
 }

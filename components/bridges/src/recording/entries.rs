@@ -77,6 +77,44 @@ impl Entry {
     }
 }
 
+impl Recording {
+    /// All samples in the order of the file, which is almost that of their times. Of a torn file those before the damage.
+    pub fn samples(&self) -> Samples<'_> {
+        Samples::new(self)
+    }
+
+    /// All pictures in the order of the file. Samples are passed over without being decoded.
+    pub fn images(&self) -> Images<'_> {
+        Images::new(self)
+    }
+
+    /// All samples and pictures in the order of the file.
+    pub fn entries(&self) -> Entries<'_> {
+        Entries::new(self)
+    }
+
+    /// All samples in the order of their times.
+    ///
+    /// # Errors
+    /// A message is damaged.
+    pub fn sorted(&self) -> Result<Vec<RecordedSample>, ReadError> {
+        let mut samples = self.samples().collect::<Result<Vec<_>, _>>()?;
+        samples.sort_by_key(|sample| sample.time_ns);
+        Ok(samples)
+    }
+
+    /// The newest sample of each topic and the newest picture of each camera at a time, and those that come after it, in the
+    /// order of the file. What lies before is passed over without being decoded.
+    ///
+    /// # Errors
+    /// A message is damaged.
+    pub fn at(&self, time_ns: u64) -> Result<(Vec<Entry>, Entries<'_>), ReadError> {
+        let mut entries = self.entries();
+        let newest = entries.pass(time_ns)?;
+        Ok((newest, entries))
+    }
+}
+
 /// A message as it stands in the file.
 struct Message<'r> {
     source: Source,

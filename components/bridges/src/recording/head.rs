@@ -6,7 +6,7 @@ use mcap::McapError;
 use motorium::plan::Plan;
 
 use super::file::Writer;
-use super::recorder::{Settings, unix_ns};
+use super::settings::{Settings, unix_ns};
 use super::{PLAN, RUN, machine};
 use crate::foxglove::descriptions;
 

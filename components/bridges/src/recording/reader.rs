@@ -13,7 +13,6 @@ use memmap2::Mmap;
 use motorium::plan::Plan;
 use motorium::state::TypeLayout;
 
-use super::entries::{Entries, Entry, Images, RecordedSample, Samples};
 use super::{LAYOUT, PLAN, RUN, TOPIC};
 use crate::foxglove::{Derived, DerivedError};
 
@@ -241,7 +240,7 @@ impl Recording {
         self.is_whole
     }
 
-    /// Times of the first and the last sample, as [`RecordedSample::time_ns`]; `None` if there is no sample.
+    /// Times of the first and the last sample, as [`RecordedSample::time_ns`](super::RecordedSample::time_ns); `None` if there is no sample.
     pub fn times(&self) -> Option<(u64, u64)> {
         self.times
     }
@@ -295,41 +294,5 @@ impl Recording {
         let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
         let text = self.attachment(PLAN).ok_or_else(|| foreign(format!("it has no attachment `{PLAN}`")))?;
         serde_json::from_slice(text).map_err(|error| foreign(error.to_string()))
-    }
-
-    /// All samples in the order of the file, which is almost that of their times. Of a torn file those before the damage.
-    pub fn samples(&self) -> Samples<'_> {
-        Samples::new(self)
-    }
-
-    /// All pictures in the order of the file. Samples are passed over without being decoded.
-    pub fn images(&self) -> Images<'_> {
-        Images::new(self)
-    }
-
-    /// All samples and pictures in the order of the file.
-    pub fn entries(&self) -> Entries<'_> {
-        Entries::new(self)
-    }
-
-    /// All samples in the order of their times.
-    ///
-    /// # Errors
-    /// A message is damaged.
-    pub fn sorted(&self) -> Result<Vec<RecordedSample>, ReadError> {
-        let mut samples = self.samples().collect::<Result<Vec<_>, _>>()?;
-        samples.sort_by_key(|sample| sample.time_ns);
-        Ok(samples)
-    }
-
-    /// The newest sample of each topic and the newest picture of each camera at a time, and those that come after it, in the
-    /// order of the file. What lies before is passed over without being decoded.
-    ///
-    /// # Errors
-    /// A message is damaged.
-    pub fn at(&self, time_ns: u64) -> Result<(Vec<Entry>, Entries<'_>), ReadError> {
-        let mut entries = self.entries();
-        let newest = entries.pass(time_ns)?;
-        Ok((newest, entries))
     }
 }

@@ -8,7 +8,7 @@ use mcap::McapError;
 use super::COUNTS;
 use super::batch::{Batch, Ring};
 use super::file::Writer;
-use super::recorder::RecordError;
+use super::settings::RecordError;
 
 /// The file of a recorder. Of one that keeps the last moments only, what is written at the end.
 pub(super) struct Sink {

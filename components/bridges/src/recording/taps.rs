@@ -11,7 +11,7 @@ use motorium::state::{Event, Stamp, StateBuffer as _};
 use motorium::transport::Tap;
 
 use super::batch::Batch;
-use super::recorder::{Counts, unix_ns};
+use super::settings::{Counts, unix_ns};
 use crate::foxglove::{Channel, Derived, log};
 
 /// Most samples of one topic that are read at a time: a writer that never rests must not hold up the others.

@@ -13,8 +13,8 @@ use motorium::component::StopRequest;
 use motorium::os::thread_cpu_ns;
 
 use super::batch::Batch;
-use super::component::{Outcome, note};
-use super::recorder::Counts;
+use super::outcome::{Outcome, note};
+use super::settings::Counts;
 use super::sink::Sink;
 use super::taps::Readers;
 

@@ -3,6 +3,7 @@
 mod limiting;
 mod safe_states;
 mod way_back;
+mod within;
 
 use std::cell::RefCell;
 

@@ -22,7 +22,7 @@ use crate::domain::Shared;
 use crate::os::{futex_sleep, futex_wake_low};
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp};
-use crate::transport::{PortError, topic::refused};
+use crate::transport::error::{PortError, refused};
 
 /// iceoryx2's own shared memory, so that names, permissions and cleaning up are iceoryx2's.
 type Storage = iceoryx2_cal::shared_memory::recommended::Ipc<BumpAllocator>;

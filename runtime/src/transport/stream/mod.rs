@@ -1,10 +1,12 @@
 //! Streams: every value, in order, through the queues of iceoryx2.
 
 mod reader;
+mod sample;
 mod slices;
 mod writer;
 
-pub(crate) use reader::{Bytes, StreamReader, bytes};
+pub(crate) use reader::StreamReader;
+pub(crate) use sample::{Bytes, Header, Queue, Sender, parts, receive};
 pub use slices::{SliceInput, SliceLoan, SliceOutput};
 pub(crate) use writer::{Lent, StreamWriter};
 

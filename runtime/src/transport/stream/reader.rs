@@ -1,99 +1,54 @@
 //! The reading side of a stream.
 
-#![allow(unsafe_code)] // samples of types described at run time are read as bytes
+#![allow(unsafe_code)] // the bytes of a sample are read as the type that the port was opened for
 
-use core::fmt::Debug;
+use core::marker::PhantomData;
 use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
-use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::sample::Sample;
-use iceoryx2::service::marker::CustomPayloadMarker;
-use iceoryx2_bb_elementary_traits::iceoryx_send::IceoryxSend;
 
 use super::Connect;
+use super::sample::{Queue, Received, parts, receive, values};
 use crate::context::Context;
-use crate::domain::Shared;
 use crate::region::add;
 use crate::state::{Stamp, StateBuffer};
-use crate::transport::topic::{Samples, refused};
-use crate::transport::{InputPlace, PortError};
+use crate::transport::topic::open_queue;
+use crate::transport::{InputPlace, Participant, PortError};
 
-/// The bytes of a sample of a type that is known at run time only: a marker stands for each.
-pub(crate) type Bytes = [CustomPayloadMarker];
-
-/// The bytes behind their markers.
-pub(crate) fn bytes(sample: &Bytes) -> &[u8] {
-    // SAFETY: a marker stands for each byte of the payload, all of its elements, and has its size.
-    unsafe { core::slice::from_raw_parts(sample.as_ptr().cast::<u8>(), sample.len()) }
-}
-
-/// The content of a sample: a value, a slice of values, or bytes.
-pub(crate) trait Carried: IceoryxSend + Debug + 'static {
-    /// Takes the next sample from a queue. An error there means that a connection could not be made to a publisher that is
-    /// just dying or being born; the sample is then simply not there yet, and its age tells.
-    fn receive(queue: &Subscriber<Shared, Self, Stamp>) -> Option<Sample<Shared, Self, Stamp>>;
-
-    /// The content of a sample.
-    fn of(sample: &Sample<Shared, Self, Stamp>) -> &Self;
-
-    /// True if it may reach a reader.
-    fn is_valid(&self) -> bool;
-}
-
-macro_rules! carried {
-    ({ $($generics:tt)* } $type:ty, $content:ident => $valid:expr) => {
-        impl $($generics)* Carried for $type {
-            fn receive(queue: &Subscriber<Shared, Self, Stamp>) -> Option<Sample<Shared, Self, Stamp>> {
-                queue.receive().ok().flatten()
-            }
-
-            fn of(sample: &Sample<Shared, Self, Stamp>) -> &Self {
-                sample.payload()
-            }
-
-            fn is_valid(&self) -> bool {
-                let $content = self;
-                $valid
-            }
-        }
-    };
-}
-carried!({ <T: StateBuffer> } T, value => value.check().is_ok());
-carried!({ <T: StateBuffer> } [T], values => T::check_all(values).is_ok());
-carried!({} Bytes, _bytes => true);
-
-/// A reader of one stream with a queue of its own.
+/// A reader of one stream of values, or slices of them, with a queue of its own.
 #[derive(Debug)]
-pub(crate) struct StreamReader<P: Carried + ?Sized> {
-    queue: Rc<Subscriber<Shared, P, Stamp>>,
+pub(crate) struct StreamReader<T> {
+    queue: Rc<Queue>,
     /// Index of the topic.
     topic: usize,
-    current: Option<Sample<Shared, P, Stamp>>,
+    current: Option<Received>,
     /// Restart count of the publisher and number of its last publication read.
     last: (u32, u64),
     lost: u64,
+    content: PhantomData<T>,
 }
 
-impl<P: Carried + ?Sized> StreamReader<P> {
-    pub(crate) fn open(service: &Samples<P>, place: &InputPlace<'_>) -> Result<Self, PortError> {
-        let queue = service.subscriber_builder().create();
-        let queue = queue.map_err(|error| refused(&place.topic.name, "making a subscriber")(&error))?;
-        Ok(Self { queue: Rc::new(queue), topic: place.index, current: None, last: (0, 0), lost: 0 })
+impl<T: StateBuffer> StreamReader<T> {
+    /// Joins a topic whose layout is that of the content.
+    pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
+        let queue = Rc::new(open_queue(participant.node(), place.topic)?);
+        let (topic, content) = (place.index, PhantomData);
+        Ok(Self { queue, topic, current: None, last: (0, 0), lost: 0, content })
     }
 
     pub(crate) fn connection(&self) -> Rc<dyn Connect> {
         self.queue.clone()
     }
 
-    /// Takes the next sample from the queue that may be read; whether there was one. One whose content is invalid, or whose
-    /// number is not above the last one's, is refused and counted, and what was read before stays.
-    pub(crate) fn take(&mut self, context: &Context) -> bool {
-        while let Some(sample) = P::receive(&self.queue) {
-            let stamp = *sample.user_header();
+    /// Takes the next sample from the queue that may be read; whether there was one. One that is not valid, or whose number
+    /// is not above the last one's, is refused and counted, and what was read before stays.
+    pub(crate) fn take(&mut self, context: &Context, is_valid: impl Fn(&[T]) -> bool) -> bool {
+        while let Some(sample) = receive(&self.queue) {
+            let (stamp, bytes) = parts(&sample);
             let (restarts, number) = (stamp.restart_count, stamp.sequence);
-            if number == 0 || (restarts, number) <= self.last || !P::of(&sample).is_valid() {
+            // SAFETY: the queue was opened for the layout of the content.
+            if number == 0 || (restarts, number) <= self.last || !is_valid(unsafe { values(bytes) }) {
                 add(&context.block().refused, 1);
                 continue;
             }
@@ -117,8 +72,17 @@ impl<P: Carried + ?Sized> StreamReader<P> {
 
     /// The sample read last.
     #[inline]
-    pub(crate) fn current(&self) -> Option<(&Stamp, &P)> {
-        self.current.as_ref().map(|sample| (sample.user_header(), P::of(sample)))
+    pub(crate) fn current(&self) -> Option<(&Stamp, &[T])> {
+        let (stamp, bytes) = parts(self.current.as_ref()?);
+        // SAFETY: the queue was opened for the layout of the content.
+        Some((stamp, unsafe { values(bytes) }))
+    }
+
+    /// The value read last, of a stream of single ones.
+    #[inline]
+    pub(crate) fn value(&self) -> Option<(&Stamp, &T)> {
+        // SAFETY: the queue was opened for single values.
+        self.current().map(|(stamp, values)| (stamp, unsafe { values.get_unchecked(0) }))
     }
 
     /// Values that were overwritten in the queue before they were read.
@@ -127,12 +91,12 @@ impl<P: Carried + ?Sized> StreamReader<P> {
     }
 }
 
-impl<P: Carried + ?Sized> Connect for Subscriber<Shared, P, Stamp> {
+impl Connect for Queue {
     fn connect(&self) -> Result<(), String> {
         self.update_connections().map_err(|error| error.to_string())
     }
 
     fn begin_episode(&self) {
-        while P::receive(self).is_some() {}
+        while receive(self).is_some() {}
     }
 }

@@ -8,8 +8,8 @@ use crate::declare::{StepError, TopicPattern};
 use crate::state::{Digest, Stamp, StateBuffer};
 use crate::transport::publication::{TopicWriter, checked};
 use crate::transport::reading::Effects;
-use crate::transport::topic::{open_slices, refused, same_layout};
-use crate::transport::{InputPlace, OutputPlace, Participant, PortError};
+use crate::transport::topic::same_layout;
+use crate::transport::{InputPlace, OutputPlace, Participant, PortError, refused};
 
 /// An input port that reads every slice of a stream, in order and in place.
 ///
@@ -24,7 +24,7 @@ use crate::transport::{InputPlace, OutputPlace, Participant, PortError};
 /// ```
 #[derive(Debug)]
 pub struct SliceInput<T: StateBuffer> {
-    queue: Option<StreamReader<[T]>>,
+    queue: Option<StreamReader<T>>,
     effects: Effects,
 }
 
@@ -35,7 +35,7 @@ impl<T: StateBuffer> SliceInput<T> {
 
     pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
         same_layout::<T>(place.topic, place.port)?;
-        let queue = StreamReader::open(&open_slices::<T>(participant, place.topic)?, place)?;
+        let queue = StreamReader::open(participant, place)?;
         Ok(Self { queue: Some(queue), effects: Effects::new(participant, place) })
     }
 
@@ -55,7 +55,7 @@ impl<T: StateBuffer> SliceInput<T> {
         if self.effects.begins_episode() {
             queue.begin_episode();
         }
-        if !queue.take(self.effects.context()) {
+        if !queue.take(self.effects.context(), |values| T::check_all(values).is_ok()) {
             return None;
         }
         let (stamp, values) = queue.current()?;
@@ -91,7 +91,7 @@ impl<T: StateBuffer> SliceInput<T> {
 pub struct SliceOutput<T: StateBuffer> {
     port: &'static str,
     longest: usize,
-    wired: Option<(StreamWriter<[T]>, TopicWriter)>,
+    wired: Option<(StreamWriter<T>, TopicWriter)>,
     scratch: Vec<T>,
     context: Rc<Context>,
 }
@@ -99,7 +99,7 @@ pub struct SliceOutput<T: StateBuffer> {
 /// A slice to fill in place and publish. Dropping it publishes nothing.
 #[derive(Debug)]
 pub struct SliceLoan<'a, T: StateBuffer> {
-    sample: Option<Lent<[T]>>,
+    sample: Option<Lent<T>>,
     length: usize,
     output: &'a mut SliceOutput<T>,
     /// True if all of it was checked while it was written, and nothing was written since.
@@ -121,7 +121,7 @@ impl<T: StateBuffer> SliceOutput<T> {
         let TopicPattern::Slices { longest, .. } = topic.pattern else {
             return Err(refused(&topic.name, "opening a port for slices")(&"it carries single values"));
         };
-        let stream = StreamWriter::<[T]>::open(participant, topic, longest)?;
+        let stream = StreamWriter::<T>::open(participant, topic, longest)?;
         let topic = TopicWriter::new(participant, place, participant.memory(topic)?, None);
         let context = participant.context().clone();
         Ok(Self { port, longest, wired: Some((stream, topic)), scratch: Vec::new(), context })
@@ -225,15 +225,15 @@ impl<T: StateBuffer> SliceLoan<'_, T> {
         let check = |values: &[T]| if checked_before { Ok(()) } else { T::check_all(values) };
         let unwired = if self.sample.is_none() { check(&self) } else { Ok(()) };
         let Self { sample, output: SliceOutput { port, wired, context, .. }, .. } = self;
-        let (Some(sample), Some((stream, topic))) = (sample, wired) else {
+        let (Some(sample), Some((_, topic))) = (sample, wired) else {
             return checked(context, unwired).or_else(|reason| reason.for_step(port));
         };
-        let check = |sample: &Lent<[T]>| check(sample.payload());
-        let digest = |sample: &Lent<[T]>, digest: &mut Digest| {
+        let check = |sample: &Lent<T>| check(sample.payload());
+        let digest = |sample: &Lent<T>, digest: &mut Digest| {
             digest.write_u64(sample.payload().len() as u64);
             T::digest_all(sample.payload(), digest);
         };
-        let send = |sample, stamp| stream.send(sample, stamp);
+        let send = |sample: Lent<T>, stamp| sample.send(stamp);
         let published = topic.publish((context, source_ns), sample, check, digest, send);
         published.or_else(|reason| reason.for_step(port))
     }

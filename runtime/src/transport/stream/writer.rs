@@ -1,82 +1,97 @@
 //! The writing side of a stream.
 
-#![allow(unsafe_code)] // a lent sample is shared memory that any bit pattern makes a valid value of
+#![allow(unsafe_code)] // samples are lent for the type that the port was opened for
 
-use core::fmt::Debug;
+use core::marker::PhantomData;
 use std::rc::Rc;
 
-use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::sample_mut::SampleMut;
-use iceoryx2_bb_elementary_traits::iceoryx_send::IceoryxSend;
 
 use super::Connect;
+use super::sample::{Bytes, Header, Sender, as_bytes, exposed, values};
 use crate::domain::Shared;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer};
-use crate::transport::topic::{open, open_slices, refused};
+use crate::transport::topic::open_sender;
 use crate::transport::{Participant, PortError};
 
 /// The one writer of a stream of values, or of slices of them.
 #[derive(Debug)]
-pub(crate) struct StreamWriter<P: IceoryxSend + Debug + ?Sized + 'static> {
-    publisher: Rc<Publisher<Shared, P, Stamp>>,
+pub(crate) struct StreamWriter<T> {
+    sender: Rc<Sender>,
+    content: PhantomData<T>,
 }
-
-/// A sample lent for filling.
-pub(crate) type Lent<P> = SampleMut<Shared, P, Stamp>;
 
 impl<T: StateBuffer> StreamWriter<T> {
-    pub(crate) fn open(participant: &Participant, topic: &TopicPlan) -> Result<Self, PortError> {
-        let service = open::<T>(participant, topic)?;
-        let publisher = service.publisher_builder().max_loaned_samples(1).create();
-        let refuse = refused(&topic.name, "making a publisher");
-        Ok(Self { publisher: Rc::new(publisher.map_err(|error| refuse(&error))?) })
-    }
-
-    /// Lends the memory of the next sample; `None` if readers hold all of it.
-    pub(crate) fn lend(&self) -> Option<Lent<T>> {
-        let sample = self.publisher.loan_uninit().ok()?;
-        // SAFETY: the memory is mapped, initialised by the system or an earlier sample, and every bit pattern is a valid
-        // `T` (the contract of `Field`).
-        Some(unsafe { sample.assume_init() })
-    }
-}
-
-impl<T: StateBuffer> StreamWriter<[T]> {
+    /// Joins a topic of this layout, of slices of so many values at most, or of single ones.
     pub(crate) fn open(
         participant: &Participant,
         topic: &TopicPlan,
         longest: usize,
     ) -> Result<Self, PortError> {
-        let service = open_slices::<T>(participant, topic)?;
-        let publisher =
-            service.publisher_builder().max_loaned_samples(1).initial_max_slice_len(longest).create();
-        let refuse = refused(&topic.name, "making a publisher");
-        Ok(Self { publisher: Rc::new(publisher.map_err(|error| refuse(&error))?) })
+        Ok(Self { sender: Rc::new(open_sender(participant.node(), topic, longest)?), content: PhantomData })
     }
 
-    /// As that of single values, for a slice of this length.
-    pub(crate) fn lend(&self, length: usize) -> Option<Lent<[T]>> {
-        let sample = self.publisher.loan_slice_uninit(length).ok()?;
-        // SAFETY: as for single values.
-        Some(unsafe { sample.assume_init() })
+    /// Lends the memory of the next sample, of so many values, of which a stream of single ones takes one; `None` if readers
+    /// hold all of it.
+    pub(crate) fn lend(&self, count: usize) -> Option<Lent<T>> {
+        lend(&self.sender, count).map(|sample| Lent { sample, content: PhantomData })
     }
-}
 
-impl<P: IceoryxSend + Debug + ?Sized + 'static> StreamWriter<P> {
     pub(crate) fn connection(&self) -> Rc<dyn Connect> {
-        self.publisher.clone()
-    }
-
-    /// Sends a filled sample; false if it could not be.
-    pub(crate) fn send(&self, mut sample: Lent<P>, stamp: Stamp) -> bool {
-        *sample.user_header_mut() = stamp;
-        sample.send().is_ok()
+        self.sender.clone()
     }
 }
 
-impl<P: IceoryxSend + Debug + ?Sized> Connect for Publisher<Shared, P, Stamp> {
+/// A sample lent for filling with values.
+#[derive(Debug)]
+pub(crate) struct Lent<T> {
+    sample: SampleMut<Shared, Bytes, Header>,
+    content: PhantomData<T>,
+}
+
+impl<T: StateBuffer> Lent<T> {
+    /// The values as they were filled so far.
+    #[inline]
+    pub(crate) fn payload(&self) -> &[T] {
+        // SAFETY: its sender was opened for values of this type.
+        unsafe { values(as_bytes(self.sample.payload())) }
+    }
+
+    /// The values, to be filled.
+    #[inline]
+    pub(crate) fn payload_mut(&mut self) -> &mut [T] {
+        let bytes = self.sample.payload_mut();
+        let count = bytes.len() / size_of::<T>();
+        // SAFETY: as for `payload`; the sample is lent to this loan alone.
+        unsafe { core::slice::from_raw_parts_mut(bytes.as_mut_ptr().cast::<T>(), count) }
+    }
+
+    /// Sends it; false if it could not be.
+    pub(crate) fn send(self, stamp: Stamp) -> bool {
+        send(self.sample, stamp)
+    }
+}
+
+#[inline(never)]
+fn lend(sender: &Sender, count: usize) -> Option<SampleMut<Shared, Bytes, Header>> {
+    // SAFETY: a service of single values is asked for one, by the one port that writes them.
+    let sample = unsafe { sender.loan_custom_payload(count) }.ok()?;
+    // SAFETY: the memory is mapped, initialised by the system or an earlier sample, and every bit pattern is a valid value
+    // (the contract of `Field`).
+    Some(unsafe { sample.assume_init() })
+}
+
+#[inline(never)]
+fn send(mut sample: SampleMut<Shared, Bytes, Header>, stamp: Stamp) -> bool {
+    let header = exposed::<Stamp>(sample.user_header_mut()).cast_mut();
+    // SAFETY: as in `parts`; the sample is lent to this call alone.
+    unsafe { header.write(stamp) };
+    sample.send().is_ok()
+}
+
+impl Connect for Sender {
     fn connect(&self) -> Result<(), String> {
         self.update_connections().map_err(|error| error.to_string())
     }

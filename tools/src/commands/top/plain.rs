@@ -4,8 +4,8 @@ use super::data::{ComponentTop, Span, Top};
 use super::layout::plain;
 use super::order::Order;
 use super::view::View;
+use crate::progress::causes;
 use crate::report::microseconds;
-use crate::screen::causes;
 
 /// All tables, one below the other.
 pub(super) fn tables(top: &Top, view: View) -> String {

@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use motorium::state::{Decoded, Decoder, FieldValue};
 use motorium::transport::Sample;
-use serde::Serialize;
 
 use super::super::events::Follower;
+use super::json::Line;
 use super::pace::Pace;
 use super::watch::{End, Watch, poll_for};
 use super::{find, log, readable};
@@ -46,26 +46,6 @@ fn rate(text: &str) -> Result<f64, String> {
         Ok(rate) if (1e-3..=1e5).contains(&rate) => Ok(rate),
         _ => Err("expected a number of samples a second, from 0.001 to 100000".to_string()),
     }
-}
-
-/// One sample as JSON.
-#[derive(Debug, Serialize)]
-pub(super) struct Line<'a> {
-    pub(super) topic: &'a str,
-    pub(super) sequence: u64,
-    /// Since the run began, s.
-    pub(super) time_s: f64,
-    pub(super) publish_time_ns: u64,
-    pub(super) source_time_ns: u64,
-    pub(super) age_ns: u64,
-    pub(super) publisher: Option<&'a str>,
-    pub(super) restart_count: u32,
-    /// Names of the joints, where the arrays of the value have an entry for each.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) joints: Option<&'a [String]>,
-    /// Index of the episode.
-    pub(super) episode: u64,
-    pub(super) value: &'a Decoded<'a>,
 }
 
 impl Echo {

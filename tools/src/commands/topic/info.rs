@@ -9,7 +9,8 @@ use motorium::state::TypeLayout;
 use motorium::units::TimeSpan;
 use serde::Serialize;
 
-use super::list::{Row, rows};
+use super::json::Row;
+use super::list::rows;
 use super::{find, names, readable};
 use crate::out::{out, outln};
 use crate::report::table;

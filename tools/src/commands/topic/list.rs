@@ -6,9 +6,9 @@ use std::time::Duration;
 use comfy_table::CellAlignment;
 use motorium::region::TopicBlock;
 use motorium::units::TimeSpan;
-use serde::Serialize;
 use std::sync::atomic::Ordering::Relaxed;
 
+use super::json::Row;
 use super::{log, names, pattern, readable};
 use crate::out::outln;
 use crate::report::table;
@@ -27,23 +27,6 @@ pub(super) struct List {
     /// Print JSON
     #[arg(long)]
     json: bool,
-}
-
-/// A topic as JSON.
-#[derive(Debug, Serialize)]
-pub(super) struct Row {
-    pub(super) name: String,
-    #[serde(rename = "type")]
-    pub(super) type_name: String,
-    pub(super) pattern: String,
-    pub(super) writer: String,
-    pub(super) readers: Vec<String>,
-    /// Publications a second of the run's clock; `null` with fewer than two.
-    pub(super) rate_hz: Option<f64>,
-    pub(super) published: u64,
-    pub(super) dropped: u64,
-    /// Time since the last publication on the run's clock; `null` when there was none.
-    pub(super) age_ns: Option<u64>,
 }
 
 /// Publications of a topic up to some moment.

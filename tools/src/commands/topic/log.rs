@@ -5,8 +5,7 @@ use motorium::plan::ClockKind;
 use motorium::region::EventRecord;
 use motorium::state::{Decoded, Event, FieldValue, Number, StateBuffer as _};
 
-use super::echo::Line;
-use super::list::Row;
+use super::json::{Line, Row};
 use crate::runs::LivingRun;
 
 /// Name of the topic. A topic of the graph with this name goes first.

@@ -3,10 +3,12 @@
 mod echo;
 mod hz;
 mod info;
+mod json;
 mod list;
 mod log;
 mod pace;
 mod publish;
+
 mod watch;
 
 use std::process::ExitCode;

@@ -1,0 +1,32 @@
+//! What has come of a recording so far.
+
+use std::sync::{Mutex, PoisonError};
+
+use super::settings::{Counts, RecordError};
+
+/// Totals of a recording so far.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Outcome {
+    pub(super) counts: Counts,
+    /// Processor time of the threads that read and write, ns; none in lockstep.
+    pub(super) cpu_ns: [Option<u64>; 2],
+    /// The reason for which it ended before the run.
+    pub(super) ended: Option<String>,
+}
+
+/// Notes what has come of a recording, and tells if it ended before the run.
+pub(super) fn note(outcome: &Mutex<Outcome>, counts: Option<Counts>, ended: Result<Counts, RecordError>) {
+    let mut outcome = outcome.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(counts) = counts {
+        outcome.counts = counts;
+    }
+    match ended {
+        Ok(counts) => outcome.counts = counts,
+        Err(error) => {
+            eprintln!(
+                "the recording has ended, the run goes on: {error}; `motorium recover` repairs its file"
+            );
+            outcome.ended = Some(error.to_string());
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! One step of a gate: the command that it is offered, the robot as it is measured, and the verdict.
+
+use crate::plan::SafeState;
+use crate::state::JointCommand;
+
+/// The robot as its actuator measures it at the beginning of a step.
+pub struct Measured<'a> {
+    /// Positions of the joints, rad or m.
+    pub position: &'a [f64],
+    /// Velocities of the joints, rad/s or m/s.
+    pub velocity: &'a [f64],
+    /// Writes the effort of each joint against gravity, N m or N. Called only where the gate needs it: at the entry into
+    /// a safe state, and on the way back.
+    pub gravity: &'a mut dyn FnMut(&mut [f64]),
+}
+
+impl core::fmt::Debug for Measured<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self { position, velocity, .. } = self;
+        f.debug_struct("Measured")
+            .field("position", position)
+            .field("velocity", velocity)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The verdict of one step.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// The newest command is applied, within the limits.
+    Applied,
+    /// The newest command is approached from the held pose, at limited rates.
+    Resuming,
+    /// The safe state is applied.
+    Safe {
+        /// The safe state of the graph.
+        state: SafeState,
+        /// True in its first step.
+        entered: bool,
+    },
+}
+
+/// One command as it is offered to the gate.
+#[derive(Debug, Clone, Copy)]
+pub struct Offer<'a> {
+    /// The command.
+    pub command: &'a JointCommand,
+    /// True if it was not offered in the step before.
+    pub is_new: bool,
+    /// Time that its setpoints are ahead of those of the command before, s: rates are taken over it.
+    pub ahead: f64,
+}

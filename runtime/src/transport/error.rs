@@ -1,0 +1,44 @@
+//! Errors of ports and topics.
+
+use crate::domain::{self, ServiceError};
+
+/// A port could not be opened or a topic not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum PortError {
+    /// The component asked for a port it did not declare.
+    #[error("port `{port}` is not declared; declare it in `Component::declare`")]
+    NotDeclared {
+        /// The port.
+        port: String,
+    },
+    /// The component opened the port as another type than it declared.
+    #[error("port `{port}` was declared with one type and opened with another:\n{difference}")]
+    TypeChanged {
+        /// The port.
+        port: String,
+        /// Both layouts.
+        difference: String,
+    },
+    /// The topic holds another type.
+    #[error("topic `{topic}` holds another type than port `{port}` expects:\n{difference}")]
+    Layout {
+        /// The topic.
+        topic: String,
+        /// The port.
+        port: String,
+        /// Both layouts.
+        difference: String,
+    },
+    /// iceoryx2 refused.
+    #[error(transparent)]
+    Refused(#[from] ServiceError),
+}
+
+/// The error of an operation on a topic.
+pub(super) fn refused(
+    topic: &str,
+    action: &'static str,
+) -> impl Fn(&dyn core::fmt::Display) -> PortError + use<> {
+    let refused = domain::refused(format!("topic `{topic}`"), action);
+    move |reason| PortError::Refused(refused(reason))
+}
