@@ -223,7 +223,7 @@ impl<T: StateBuffer> Input<T> {
                     queue.begin_episode();
                 }
                 *seen = memory.newest().number();
-                let is_valid = |values: &[T]| values.iter().all(|value| value.check().is_ok());
+                let is_valid = |values: &[T]| values.len() == 1 && values[0].check().is_ok();
                 if !queue.take(self.effects.context(), is_valid) {
                     return false;
                 }
