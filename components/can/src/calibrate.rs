@@ -65,8 +65,8 @@ pub enum CalibrationError {
 const LISTEN: Duration = Duration::from_millis(300);
 /// Time from one question to the next.
 const CYCLE: Duration = Duration::from_millis(10);
-/// Cycles for which drives are waited for: they are checked meanwhile.
-const PATIENCE: u32 = 300;
+/// Cycles within which each drive must have answered: they are checked meanwhile.
+const ANSWER_TIMEOUT: u32 = 300;
 /// Largest difference of two positions of a joint that stands still, rad or m.
 const STILL: f64 = 0.05;
 
@@ -128,7 +128,7 @@ pub fn calibrate<B: Bus>(
         }
         let silent = adapter.links().iter().position(|link| link.received_ns().is_none());
         match silent {
-            Some(joint) if waited >= PATIENCE => {
+            Some(joint) if waited >= ANSWER_TIMEOUT => {
                 return Err(CalibrationError::Silent { joint: joints[joint].clone() });
             }
             Some(_) => waited += 1,

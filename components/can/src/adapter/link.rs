@@ -1,6 +1,6 @@
 //! One drive as the adapter sees it.
 
-use super::dialogue::{Dialogue, Heard, Order};
+use super::dialogue::{Dialogue, Response, Order};
 use super::{OnTrip, Phase, Setpoint, WrongSetting};
 use crate::bus::bits::{Bits, Rates};
 use crate::frame::{DecodeError, Frame};
@@ -164,10 +164,10 @@ impl Link {
             Phase::Checking(setting) => Some(setting),
             _ => None,
         };
-        let heard = self.dialogue.read(checking, frame)?;
-        self.is_found |= matches!(heard, Heard::Setting(_) | Heard::Feedback(_));
-        Ok(match heard {
-            Heard::Setting(wrong) => {
+        let response = self.dialogue.read(checking, frame)?;
+        self.is_found |= matches!(response, Response::Setting(_) | Response::Feedback(_));
+        Ok(match response {
+            Response::Setting(wrong) => {
                 self.answered = true;
                 if let (None, Some(setting)) = (wrong, checking) {
                     let next = setting + 1;
@@ -176,9 +176,9 @@ impl Link {
                 }
                 Taken { trips: false, wrong }
             }
-            Heard::State(state) => Taken { trips: self.follow(state), wrong: None },
-            Heard::Aside => Taken::default(),
-            Heard::Feedback(feedback) => {
+            Response::State(state) => Taken { trips: self.follow(state), wrong: None },
+            Response::Other => Taken::default(),
+            Response::Feedback(feedback) => {
                 if !self.sort(time_ns) {
                     return Ok(Taken::default());
                 }

@@ -103,9 +103,9 @@ impl AnySimulatedDrive {
 
     /// A frame of another drive on the bus, and `answer` for the one that follows upon it: servos that answer together speak one
     /// after the other.
-    pub fn overhear(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
+    pub fn observe(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
         if let Self::Servo(drive) = self {
-            drive.overhear(frame).into_iter().for_each(answer);
+            drive.observe(frame).into_iter().for_each(answer);
         }
     }
 

@@ -151,8 +151,8 @@ impl Servo {
         }
     }
 
-    /// Hears what another servo says, and adds its share to a common packet when its turn has come.
-    pub(super) fn overhear(&mut self, frame: &Frame) -> Option<Frame> {
+    /// Observes the answer of another servo, and adds its share to a common packet when its turn has come.
+    pub(super) fn observe(&mut self, frame: &Frame) -> Option<Frame> {
         if frame.form != Form::Packet || frame.id != Id::Standard(EVERYBODY.into()) {
             return None;
         }

@@ -5,7 +5,7 @@
 
 use core::f64::consts::TAU;
 
-use super::{Heard, Motion, Order};
+use super::{Response, Motion, Order};
 use crate::adapter::WrongSetting;
 use crate::cia402::{
     ADAPTER, DISABLE_VOLTAGE, DriveState, FAULT_RESET, Mapping, Mode, NetworkCommand, NetworkState, Node,
@@ -189,25 +189,25 @@ impl Cia402 {
         frames.push(self.node.setpoint(self.cyclic(), &setpoint));
     }
 
-    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         if frame.id == self.node.id(0x080) {
             self.emergency = self.node.emergency(frame)?.code;
-            return Ok(Heard::Aside);
+            return Ok(Response::Other);
         }
         if frame.id == self.node.id(0x700) {
             return Ok(match self.node.heartbeat(frame)? {
                 // it has lost its settings
-                NetworkState::BootUp if checking.is_none() => Heard::State(State::Disabled),
-                _ => Heard::Aside,
+                NetworkState::BootUp if checking.is_none() => Response::State(State::Disabled),
+                _ => Response::Other,
             });
         }
         match checking {
             Some(setting) if frame.id == self.node.id(0x580) => {
-                self.check(setting, frame).map(Heard::Setting)
+                self.check(setting, frame).map(Response::Setting)
             }
             // process data of before
-            Some(_) => Ok(Heard::Aside),
-            None if frame.id == self.node.id(0x580) => Ok(Heard::Aside),
+            Some(_) => Ok(Response::Other),
+            None if frame.id == self.node.id(0x580) => Ok(Response::Other),
             None => self.process(frame),
         }
     }
@@ -248,16 +248,16 @@ impl Cia402 {
         })
     }
 
-    fn process(&mut self, frame: &Frame) -> Result<Heard, DecodeError> {
+    fn process(&mut self, frame: &Frame) -> Result<Response, DecodeError> {
         match self.node.process(frame)? {
             Process::Position { statusword, position } => {
                 self.state = DriveState::of(statusword)?;
                 self.motion.position = f64::from(position) / self.increments * TAU;
                 self.has_position = true;
-                Ok(Heard::Aside)
+                Ok(Response::Other)
             }
             // the answer is whole with both frames
-            Process::Motion { .. } if !core::mem::take(&mut self.has_position) => Ok(Heard::Aside),
+            Process::Motion { .. } if !core::mem::take(&mut self.has_position) => Ok(Response::Other),
             Process::Motion { velocity, torque } => {
                 self.motion.velocity = f64::from(velocity) / self.increments * TAU;
                 let state = match self.state {
@@ -267,7 +267,7 @@ impl Cia402 {
                     }
                     _ => State::Disabled,
                 };
-                Ok(Heard::Feedback(Feedback {
+                Ok(Response::Feedback(Feedback {
                     position: self.motion.position,
                     velocity: self.motion.velocity,
                     torque: f64::from(torque) * 1e-3 * self.rated_torque,

@@ -1,6 +1,6 @@
 //! The dialogue with drives of the MIT family: a frame to the drive, one back.
 
-use super::{Heard, Motion, Order};
+use super::{Response, Motion, Order};
 use crate::adapter::WrongSetting;
 use crate::adapter::rounding::Rounding;
 use crate::damiao::{Register, Request, Value};
@@ -59,14 +59,14 @@ impl Mit {
         frames.push(self.codec.instruct(&instruction));
     }
 
-    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         match checking {
-            Some(register) => self.check(register, frame).map(Heard::Setting),
+            Some(register) => self.check(register, frame).map(Response::Setting),
             None => {
                 let feedback = self.codec.reply(frame)?;
                 let (position, velocity) = (feedback.position, feedback.velocity);
                 self.motion = Some(Motion { position, velocity, held: None });
-                Ok(Heard::Feedback(feedback))
+                Ok(Response::Feedback(feedback))
             }
         }
     }

@@ -29,7 +29,7 @@ pub(super) enum Order {
 
 /// The content of a frame of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Heard {
+pub(super) enum Response {
     /// Its state: the answer of the cycle.
     Feedback(Feedback),
     /// That a setting is as the table has it, or else how it differs.
@@ -37,7 +37,7 @@ pub(super) enum Heard {
     /// The state that it is in, beside its answers.
     State(State),
     /// Something beside its answers.
-    Aside,
+    Other,
 }
 
 /// The dialogue with one drive.
@@ -144,7 +144,7 @@ impl Dialogue {
     }
 
     /// Reads a frame of this drive, while the setting `checking` is being checked.
-    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         match self {
             Self::Mit(drive) => drive.read(checking, frame),
             Self::Odrive(drive) => drive.read(frame),

@@ -2,7 +2,7 @@
 //!
 //! Gains of commands are shares of those that stand in the drive; the watchdog goes with each command.
 
-use super::{Heard, Order};
+use super::{Response, Order};
 use crate::frame::{DecodeError, Frame};
 use crate::mit::{Fault, Feedback, Ranges, State};
 use crate::moteus::{self, Instruction, Mode, Node, Resolution};
@@ -70,7 +70,7 @@ impl Moteus {
         frames.push(self.node.frame(&instruction, RESOLUTION));
     }
 
-    pub(super) fn read(&self, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&self, frame: &Frame) -> Result<Response, DecodeError> {
         let told = self.node.reply(frame)?;
         let state = match told.mode {
             Mode::Position | Mode::ZeroVelocity | Mode::StayWithin => State::Enabled,
@@ -79,7 +79,7 @@ impl Moteus {
             Mode::Timeout => State::Fault(Fault::CommunicationLost),
             _ => State::Disabled,
         };
-        Ok(Heard::Feedback(Feedback {
+        Ok(Response::Feedback(Feedback {
             position: told.position,
             velocity: told.velocity,
             torque: told.torque,

@@ -4,14 +4,14 @@
 //! State and errors stand in the heartbeat alone, so that a drive counts as enabled a tenth of a second after it is. Its errors
 //! are cleared when the adapter is resumed, and never else.
 
-use super::{Heard, Motion, Order};
+use super::{Response, Motion, Order};
 use crate::frame::{DecodeError, Frame, Id};
 use crate::mit::{Command, Fault, Feedback, Ranges, State};
 use crate::odrive::{AxisState, ControlMode as Quantity, InputMode, Instruction, Node, Report};
 use crate::table::{ControlMode, Table};
 
 /// Cycles after which a drive that has not followed is asked again.
-const PATIENCE: u16 = 1000;
+const REQUEST_AGAIN_AFTER: u16 = 1000;
 /// Cycles after which it is enabled: its modes, limits and first setpoint have been sent.
 const ENABLED_IN: u16 = 3;
 /// Cycles for which clearing the errors takes.
@@ -92,7 +92,7 @@ impl Odrive {
             (Order::Check(_) | Order::Disable | Order::Rest, _) => Instruction::SetState(AxisState::Idle),
         };
         self.begun = match order {
-            Order::Enable if self.begun < PATIENCE => self.begun + 1,
+            Order::Enable if self.begun < REQUEST_AGAIN_AFTER => self.begun + 1,
             _ => 0,
         };
         self.clears = self.clears.saturating_sub(1);
@@ -119,7 +119,7 @@ impl Odrive {
         }
     }
 
-    pub(super) fn read(&mut self, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, frame: &Frame) -> Result<Response, DecodeError> {
         Ok(match self.node.report(frame)? {
             Report::Heartbeat { error, state } => {
                 self.state = match (error, state) {
@@ -130,11 +130,11 @@ impl Odrive {
                     (error, _) if error & WATCHDOG_EXPIRED != 0 => State::Fault(Fault::CommunicationLost),
                     (error, _) => State::Fault(Fault::Other(error)),
                 };
-                Heard::State(self.state)
+                Response::State(self.state)
             }
             Report::Encoder { position, velocity } => {
                 (self.motion.position, self.motion.velocity) = (position, velocity);
-                Heard::Feedback(Feedback {
+                Response::Feedback(Feedback {
                     position,
                     velocity,
                     torque: self.torque,
@@ -145,9 +145,9 @@ impl Odrive {
             }
             Report::Torques { estimate, .. } => {
                 (self.torque, self.reports_torque) = (estimate, true);
-                Heard::Aside
+                Response::Other
             }
-            Report::Supply { .. } => Heard::Aside,
+            Report::Supply { .. } => Response::Other,
         })
     }
 }

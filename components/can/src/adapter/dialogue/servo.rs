@@ -1,7 +1,7 @@
 //! The dialogue with servos on a serial line: one packet writes the goals of all servos of a line, one asks all of them, and they
 //! answer one after the other.
 
-use super::{Dialogue, Heard, Motion, Order};
+use super::{Dialogue, Response, Motion, Order};
 use crate::adapter::common_answer::CommonAnswer;
 use crate::adapter::{Link, OnTrip, WrongSetting};
 use crate::dynamixel;
@@ -166,7 +166,7 @@ impl Servo {
         }
     }
 
-    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         let mut packet = Packet::default();
         let status = packet.status(frame.data())?;
         if status.servo != self.number {
@@ -176,8 +176,8 @@ impl Servo {
             return Err(DecodeError::Field { field: "the protocol", found: u32::from(frame.data()[2]) });
         }
         match checking {
-            Some(setting) => self.check(setting, status.data).map(Heard::Setting),
-            None => self.state(&status).map(Heard::Feedback),
+            Some(setting) => self.check(setting, status.data).map(Response::Setting),
+            None => self.state(&status).map(Response::Feedback),
         }
     }
 
