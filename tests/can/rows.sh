@@ -96,6 +96,20 @@ sleep 0.3
 motorium kill arm-can controller --signal stop
 finish
 
+# The adapter killed, and hung, again and again: it is started anew each time, and leads the drives back.
+for fault in kill stop; do
+    kills=$(cat /graphs/kills)
+    begin "adapter_${fault}_often" --for "$((kills / 2 + 30))s" \
+        --set component.adapter.restart="{ when = \"failure\", at_most = $((kills + 1)), window = \"1000 s\" }" \
+        --set component.adapter.hang_after='"100 ms"'
+    for _ in $(seq "$kills"); do
+        motorium kill arm-can adapter --signal $fault >>killed 2>&1
+        sleep 0.5
+    done
+    kill -INT $run
+    finish
+done
+
 begin launcher_killed --for 5s
 motorium can log vcan0 --output traffic &
 log=$!

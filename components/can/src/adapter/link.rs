@@ -1,6 +1,7 @@
 //! One drive as the adapter sees it.
 
-use super::dialogue::{Dialogue, Response, Order};
+use super::dialogue::{Dialogue, Order, Response};
+use super::homing::{Homing, HomingFault, HomingState};
 use super::{OnTrip, Phase, Setpoint, WrongSetting};
 use crate::bus::bits::{Bits, Rates};
 use crate::frame::{DecodeError, Frame};
@@ -40,6 +41,9 @@ pub struct Link {
     pub(super) phase: Phase,
     /// Damping of its joint when the adapter has tripped.
     pub(super) damping: f64,
+    /// Position gain of its joint while it is held before its first command.
+    pub(super) stiffness: f64,
+    pub(super) homing: Option<Homing>,
     pub(super) setpoint: Setpoint,
     /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
     pub(super) asked_by: Option<usize>,
@@ -78,6 +82,8 @@ impl Link {
             bus,
             phase: Phase::Disabled,
             damping,
+            stiffness: 0.0,
+            homing: entry.homing.as_ref().filter(|_| entry.is_homed()).map(Homing::of),
             setpoint: Setpoint::default(),
             asked_by: None,
             asked: false,
@@ -152,6 +158,11 @@ impl Link {
     pub(super) fn start(&mut self) {
         self.phase = if self.dialogue.checks() > 0 { Phase::Checking(0) } else { Phase::Disabled };
         (self.fresh, self.fault) = (false, None);
+        if let Some(homing) = &mut self.homing
+            && homing.state != HomingState::Homed
+        {
+            homing.forget();
+        }
         (self.owed, self.is_probed, self.is_behind) = (0, false, false);
     }
 
@@ -177,6 +188,10 @@ impl Link {
                 Taken { trips: false, wrong }
             }
             Response::State(state) => Taken { trips: self.follow(state), wrong: None },
+            Response::Restarted => {
+                self.forget_homing();
+                Taken { trips: self.follow(State::Disabled), wrong: None }
+            }
             Response::Other => Taken::default(),
             Response::Feedback(feedback) => {
                 if !self.sort(time_ns) {
@@ -264,13 +279,16 @@ impl Link {
                 self.command(Setpoint { kd: self.damping, ..Setpoint::default() })
             }
             (_, Phase::Checking(setting)) => Order::Check(setting),
-            (_, Phase::Disabled | Phase::Fault) | (Some(_), Phase::Enabling) => Order::Disable,
+            (_, Phase::Disabled | Phase::Fault) | (Some(_), Phase::Enabling | Phase::Homing) => {
+                Order::Disable
+            }
+            (None, Phase::Homing) => self.homing_order(),
             (None, Phase::Enabling) => Order::Enable,
             (None, Phase::Enabled) => self.command(self.setpoint),
         }
     }
 
-    fn command(&self, setpoint: Setpoint) -> Order {
+    pub(super) fn command(&self, setpoint: Setpoint) -> Order {
         let (ratio, square) = (self.gear.ratio, self.gear.ratio * self.gear.ratio);
         Order::Follow(mit::Command {
             position: self.gear.to_drive(setpoint.position),
@@ -296,11 +314,20 @@ impl Link {
         self.counts.clamped += u64::from(is_clamped);
     }
 
+    /// True while the adapter leads it to its stop.
+    fn is_led(&self) -> bool {
+        self.homing.as_ref().and_then(|homing| homing.stop.as_ref()).is_some_and(|stop| stop.is_enabled)
+    }
+
     /// A state that it reports; whether that trips the adapter.
     pub(super) fn follow(&mut self, state: State) -> bool {
         match (state, self.phase) {
             (State::Fault(fault), phase) => {
                 let is_new = phase != Phase::Fault;
+                self.forget_homing();
+                if phase == Phase::Homing {
+                    self.end_homing(HomingState::Failed(HomingFault::Drive));
+                }
                 (self.phase, self.fault) = (Phase::Fault, Some(fault));
                 self.counts.faults += u64::from(is_new);
                 is_new
@@ -309,8 +336,21 @@ impl Link {
                 self.phase = Phase::Enabled;
                 false
             }
+            (State::Enabled | State::Unknown, Phase::Homing) => {
+                if let Some(stop) = self.homing.as_mut().and_then(|homing| homing.stop.as_mut()) {
+                    stop.is_enabled = true;
+                }
+                false
+            }
+            (State::Disabled, Phase::Homing) if self.is_led() => {
+                self.end_homing(HomingState::Failed(HomingFault::LetGo));
+                self.phase = Phase::Fault;
+                self.counts.faults += 1;
+                true
+            }
             // It let go by itself: its power was cut, or its watchdog acted unseen.
             (State::Disabled, Phase::Enabled) => {
+                self.forget_homing();
                 self.phase = Phase::Fault;
                 self.counts.faults += 1;
                 true

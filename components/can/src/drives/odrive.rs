@@ -138,6 +138,9 @@ pub enum Report {
         error: u32,
         /// Its state.
         state: AxisState,
+        /// The result of its last procedure, 0 for success and 1 for one under way; of firmware before 0.6 the flag of an error of
+        /// the motor.
+        result: u8,
     },
     /// The estimates of the encoder, of the motor.
     Encoder {
@@ -292,8 +295,8 @@ impl Node {
         let words = |a: [u8; 4], b: [u8; 4]| [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]];
         let floats = |a: f64, b: f64| words((a as f32).to_le_bytes(), (b as f32).to_le_bytes());
         let (command, data) = match *report {
-            Report::Heartbeat { error, state } => {
-                (HEARTBEAT, words(error.to_le_bytes(), [state as u8, 0, 0, 0]))
+            Report::Heartbeat { error, state, result } => {
+                (HEARTBEAT, words(error.to_le_bytes(), [state as u8, result, 0, 0]))
             }
             Report::Encoder { position, velocity } => (ENCODER, floats(position / TAU, velocity / TAU)),
             Report::Supply { voltage, current } => (SUPPLY, floats(voltage, current)),
@@ -311,10 +314,11 @@ impl Node {
         let command = self.command(frame)?;
         let (first, second) = halves(frame.data())?;
         Ok(match command {
-            // The last three bytes are flags of motor, encoder and controller, in newer firmware the result of a procedure.
+            // the last two bytes are flags of encoder and controller, in newer firmware the end of a trajectory
             HEARTBEAT => Report::Heartbeat {
                 error: u32::from_le_bytes(first),
                 state: AxisState::of(second[0].into())?,
+                result: second[1],
             },
             ENCODER => Report::Encoder {
                 position: finite(first, "the position")? * TAU,

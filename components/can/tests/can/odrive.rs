@@ -38,7 +38,7 @@ fn a_heartbeat_and_estimates_are_read() {
     let heartbeat = Frame::classic(Id::Standard(0x061), &[0x40, 0, 0, 0, 8, 1, 0, 1]);
     assert_eq!(
         node().report(&heartbeat),
-        Ok(Report::Heartbeat { error: 0x40, state: AxisState::ClosedLoop })
+        Ok(Report::Heartbeat { error: 0x40, state: AxisState::ClosedLoop, result: 1 })
     );
     let estimates = Frame::classic(Id::Standard(0x069), &[0, 0, 0x80, 0x3f, 0, 0, 0, 0xbf]);
     assert_eq!(node().report(&estimates), Ok(Report::Encoder { position: TAU, velocity: -0.5 * TAU }));

@@ -6,7 +6,7 @@ mod moteus;
 mod odrive;
 mod servo;
 
-use super::WrongSetting;
+use super::{HomingFault, WrongSetting};
 use crate::frame::{DecodeError, Form, Frame};
 use crate::mit::{Command, Feedback, Ranges, State};
 use crate::table::{ControlMode, LoopEntry, Protocol, Table};
@@ -21,6 +21,8 @@ pub(super) enum Order {
     Disable,
     /// To answer, and nothing else: it reported a fault, which stays.
     Rest,
+    /// To look for its mark.
+    Home,
     /// To begin to follow commands.
     Enable,
     /// To follow a command, in the units of its output shaft.
@@ -36,6 +38,8 @@ pub(super) enum Response {
     Setting(Option<WrongSetting>),
     /// The state that it is in, beside its answers.
     State(State),
+    /// That it has just started, and knows nothing of before.
+    Restarted,
     /// Something beside its answers.
     Other,
 }
@@ -54,7 +58,10 @@ impl Dialogue {
     /// The dialogue with a drive of a table.
     pub(super) fn new(table: &Table, index: usize) -> Self {
         match (table.drives[index].protocol, table.drive(index)) {
-            (_, Some(codec)) => Self::Mit(mit::Mit::new(codec, table.drives[index].watchdog.ns)),
+            (_, Some(codec)) => {
+                let entry = &table.drives[index];
+                Self::Mit(mit::Mit::new(codec, entry.watchdog.ns, entry.current_register()))
+            }
             (Protocol::Cia402, _) => Self::Cia402(cia402::Cia402::new(table, index)),
             (Protocol::Moteus, _) => Self::Moteus(moteus::Moteus::new(table, index)),
             (Protocol::Feetech | Protocol::Dynamixel, _) => Self::Servo(Servo::new(table, index)),
@@ -118,6 +125,25 @@ impl Dialogue {
             Self::Moteus(drive) => drive.restart(),
             Self::Odrive(drive) => drive.restart(),
             Self::Cia402(drive) => drive.restart(),
+        }
+    }
+
+    /// Begins to look for its mark.
+    pub(super) fn begin_homing(&mut self) {
+        match self {
+            Self::Odrive(drive) => drive.begin_homing(),
+            Self::Cia402(drive) => drive.begin_homing(),
+            // they have no procedure of their own
+            Self::Mit(_) | Self::Moteus(_) | Self::Servo(_) => {}
+        }
+    }
+
+    /// The result of its own homing, once it is over.
+    pub(super) fn homing_result(&self) -> Option<Result<(), HomingFault>> {
+        match self {
+            Self::Odrive(drive) => drive.homing_result(),
+            Self::Cia402(drive) => drive.homing_result(),
+            Self::Mit(_) | Self::Moteus(_) | Self::Servo(_) => None,
         }
     }
 

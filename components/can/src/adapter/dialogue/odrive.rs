@@ -4,11 +4,12 @@
 //! State and errors stand in the heartbeat alone, so that a drive counts as enabled a tenth of a second after it is. Its errors
 //! are cleared when the adapter is resumed, and never else.
 
-use super::{Response, Motion, Order};
+use super::{Motion, Order, Response};
+use crate::adapter::HomingFault;
 use crate::frame::{DecodeError, Frame, Id};
 use crate::mit::{Command, Fault, Feedback, Ranges, State};
 use crate::odrive::{AxisState, ControlMode as Quantity, InputMode, Instruction, Node, Report};
-use crate::table::{ControlMode, Table};
+use crate::table::{ControlMode, HomingProcedure, Table};
 
 /// Cycles after which a drive that has not followed is asked again.
 const REQUEST_AGAIN_AFTER: u16 = 1000;
@@ -16,6 +17,10 @@ const REQUEST_AGAIN_AFTER: u16 = 1000;
 const ENABLED_IN: u16 = 3;
 /// Cycles for which clearing the errors takes.
 const CLEARS: u8 = 4;
+/// Cycles after which it is asked for its homing: its limits have been sent.
+const HOMES_IN: u16 = 2;
+/// Heartbeats after which a procedure that was never seen under way has not begun.
+const SEEN_WITHIN: u8 = 5;
 /// Error of an axis: its watchdog was not fed.
 const WATCHDOG_EXPIRED: u32 = 0x800;
 
@@ -36,6 +41,22 @@ pub(in crate::adapter) struct Odrive {
     /// As it reports, or else as it was commanded.
     torque: f64,
     reports_torque: bool,
+    /// The state in which it homes.
+    homes: AxisState,
+    homing: Homing,
+}
+
+/// The progress of a homing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Homing {
+    /// None is under way.
+    None,
+    /// Its limits are sent, for so many cycles.
+    Preparing(u16),
+    /// It has been asked for, so many heartbeats ago, and been seen under way or not.
+    Asked { heartbeats: u8, was_seen: bool },
+    /// It is over.
+    Over(Result<(), HomingFault>),
 }
 
 impl Odrive {
@@ -53,11 +74,66 @@ impl Odrive {
             motion: Motion::default(),
             torque: 0.0,
             reports_torque: false,
+            homes: match entry.homing.as_ref().and_then(|homing| homing.procedure) {
+                Some(HomingProcedure::Index) => AxisState::IndexSearch,
+                Some(HomingProcedure::Endstop) | None => AxisState::Homing,
+            },
+            homing: Homing::None,
         }
     }
 
     pub(super) fn restart(&mut self) {
         (self.clears, self.begun, self.state) = (CLEARS, 0, State::Disabled);
+        self.homing = Homing::None;
+    }
+
+    pub(super) fn begin_homing(&mut self) {
+        self.homing = Homing::Preparing(0);
+    }
+
+    pub(super) fn homing_result(&self) -> Option<Result<(), HomingFault>> {
+        match self.homing {
+            Homing::Over(result) => Some(result),
+            _ => None,
+        }
+    }
+
+    /// The message of a cycle of homing. Its limits are sent all the time: that feeds its watchdog, and changes nothing else.
+    fn home(&mut self) -> Instruction {
+        let limits = Instruction::Limits {
+            velocity: self.ranges.velocity.max,
+            current: self.current_limit.unwrap_or_default(),
+        };
+        match &mut self.homing {
+            Homing::Preparing(HOMES_IN) => {
+                self.homing = Homing::Asked { heartbeats: 0, was_seen: false };
+                Instruction::SetState(self.homes)
+            }
+            Homing::Preparing(cycles) => {
+                *cycles += 1;
+                limits
+            }
+            Homing::Asked { .. } => limits,
+            Homing::None | Homing::Over(_) => Instruction::SetState(AxisState::Idle),
+        }
+    }
+
+    /// Takes what a heartbeat says about its homing.
+    fn follow_homing(&mut self, state: AxisState, result: u8) {
+        let Homing::Asked { heartbeats, was_seen } = &mut self.homing else { return };
+        *heartbeats = heartbeats.saturating_add(1);
+        let over = match (state == self.homes, *was_seen) {
+            (true, _) => {
+                *was_seen = true;
+                return;
+            }
+            // by itself it goes on to idle, or to following
+            (false, true) if result == 0 => Ok(()),
+            (false, true) => Err(HomingFault::Drive),
+            (false, false) if *heartbeats >= SEEN_WITHIN => Err(HomingFault::NotBegun),
+            (false, false) => return,
+        };
+        self.homing = Homing::Over(over);
     }
 
     pub(super) fn is_from(&self, frame: &Frame) -> bool {
@@ -85,11 +161,14 @@ impl Odrive {
                 Instruction::SetState(AxisState::ClosedLoop)
             }
             (Order::Enable, _) => self.follow(&Command::default()),
+            (Order::Home, _) if self.clears == 0 => self.home(),
             (Order::Follow(command), _) => self.follow(command),
-            (Order::Check(_) | Order::Disable | Order::Rest, _) if self.clears == CLEARS => {
+            (Order::Check(_) | Order::Disable | Order::Rest | Order::Home, _) if self.clears == CLEARS => {
                 Instruction::ClearErrors
             }
-            (Order::Check(_) | Order::Disable | Order::Rest, _) => Instruction::SetState(AxisState::Idle),
+            (Order::Check(_) | Order::Disable | Order::Rest | Order::Home, _) => {
+                Instruction::SetState(AxisState::Idle)
+            }
         };
         self.begun = match order {
             Order::Enable if self.begun < REQUEST_AGAIN_AFTER => self.begun + 1,
@@ -121,7 +200,10 @@ impl Odrive {
 
     pub(super) fn read(&mut self, frame: &Frame) -> Result<Response, DecodeError> {
         Ok(match self.node.report(frame)? {
-            Report::Heartbeat { error, state } => {
+            Report::Heartbeat { error, state, result } => {
+                if error == 0 {
+                    self.follow_homing(state, result);
+                }
                 self.state = match (error, state) {
                     (0, AxisState::ClosedLoop) => State::Enabled,
                     (0, _) => State::Disabled,

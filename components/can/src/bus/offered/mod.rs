@@ -15,6 +15,7 @@ use super::bits::Rates;
 use super::report::Report;
 pub(crate) use terminal::BATCH_NS;
 pub use terminal::TerminalOffer;
+pub(crate) use unix::Traffic;
 pub use unix::{UnixBus, UnixOffer};
 
 /// The place at which a simulated bus is offered.

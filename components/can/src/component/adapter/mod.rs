@@ -46,6 +46,8 @@ pub struct CanAdapter {
     order: StepOrder,
     resumes: u32,
     safe: u64,
+    /// Joints are being homed: the gate begins anew when all are.
+    awaits_homing: bool,
 }
 
 /// The efforts that hold the robot against gravity.
@@ -81,7 +83,13 @@ impl Component for CanAdapter {
             let advice = "enlarge the range in the drive and in the table, or correct `ratio` and `offset`";
             return Err(ConfigError::key("drives", message).advise(advice));
         }
-        limits::of_joints(&equipped)?;
+        let limits = limits::of_joints(&equipped)?;
+        if let Some((joint, message)) = limits::unfit_homing(&equipped, &limits) {
+            let advice = "homing keeps to the limits of the joint: correct `homing` in the drive table, or the robot's model";
+            return Err(
+                ConfigError::key("drives", format!("the homing of `{joint}`: {message}")).advise(advice)
+            );
+        }
         if !config.gravity.iter().all(|number| number.is_finite()) {
             return Err(ConfigError::key("gravity", "expected finite numbers"));
         }
@@ -114,6 +122,7 @@ impl Component for CanAdapter {
             load(Some(&robot), setup.folder(), &config.source()).map_err(ConfigureError::Config)?;
         let limits = limits::of_joints(&equipped).map_err(ConfigureError::Config)?;
         let damping: Vec<f64> = limits.iter().map(|joint| joint.kd).collect();
+        let stiffness: Vec<f64> = limits.iter().map(|joint| joint.kp).collect();
         let Equipped { robot, table, order } = equipped;
         let on_trip = match config.when_tripped {
             WhenTripped::Damp => OnTrip::Damp,
@@ -126,7 +135,7 @@ impl Component for CanAdapter {
             let health = setup.named_output(&format!("{}_health", bus.name))?;
             buses.push(BusAccount::new(index, &bus.name, table.rates(index), health));
         }
-        let mut adapter = Adapter::new(&table, &order, &damping, on_trip);
+        let mut adapter = Adapter::new(&table, &order, &damping, on_trip).with_stiffness(&stiffness);
         adapter.set_cycle(setup.period().as_nanos() as u64);
         let clock = setup.clock();
         let is_real = interfaces::are_real(&table, clock.kind()).map_err(ConfigureError::Config)?;
@@ -163,6 +172,7 @@ impl Component for CanAdapter {
             resumes: gate.resumes(),
             gate,
             safe: 0,
+            awaits_homing: false,
         })
     }
 
@@ -229,8 +239,13 @@ impl CanAdapter {
 
     /// Passes the newest command through the gate to the drives. Before every joint is known nothing is commanded.
     fn apply_command(&mut self, settling: bool) {
-        if self.adapter.oldest_ns().is_none() {
+        if !self.adapter.is_known() {
+            self.await_homing(settling);
             return;
+        }
+        if core::mem::take(&mut self.awaits_homing) {
+            // it has judged positions that were not those of the joints
+            self.gate.reset();
         }
         let Self { gate, command, measured, weight, .. } = self;
         let [position, velocity] = measured;
@@ -258,6 +273,25 @@ impl CanAdapter {
         }
     }
 
+    /// A step in which joints have yet to be homed. The gate tells of an emergency stop and of `motorium resume` then, and its
+    /// setpoints reach no drive.
+    fn await_homing(&mut self, settling: bool) {
+        if !self.adapter.awaits_homing() {
+            return;
+        }
+        self.awaits_homing = true;
+        let Self { gate, command, measured: [position, velocity], adapter, clock, .. } = self;
+        if adapter.has_tripped() {
+            gate.trip();
+        }
+        gate.check(command, Measured { position, velocity, gravity: &mut |effort| effort.fill(0.0) });
+        let resumes = gate.resumes();
+        if core::mem::replace(&mut self.resumes, resumes) != resumes && adapter.has_tripped() {
+            adapter.resume();
+        }
+        adapter.allow_homing(!settling && !clock.is_settling() && !clock.is_latched());
+    }
+
     fn publish_health(&mut self, tick: &Tick) -> Result<(), StepError> {
         let period_ns = tick.period.as_nanos().max(1) as u64;
         let (now_ns, cycles) = (self.clock.now_ns(), self.adapter.cycles().max(1));
@@ -277,6 +311,8 @@ impl CanAdapter {
                 | flag(link.silent() > 0, JointHealth::MISSING)
                 | flag(link.silent() >= crate::adapter::LOST_AFTER, JointHealth::LOST)
                 | flag(link.phase() == Phase::Fault, JointHealth::FAULT)
+                | flag(link.phase() == Phase::Homing, JointHealth::HOMING)
+                | flag(!link.is_homed(), JointHealth::NOT_HOMED)
                 | flag(matches!(link.phase(), Phase::Checking(_)), JointHealth::CHECKING);
             health.temperature[i] = link.temperature().unwrap_or(0.0);
         }

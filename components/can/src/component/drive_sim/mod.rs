@@ -19,7 +19,7 @@ use super::adapter::BATCH;
 use super::faults::{Fault, FaultKind};
 use super::{Equipped, interfaces, load};
 use crate::bus::offered::BATCH_NS;
-use crate::{AnySimulatedDrive as Drive, Frame, Overrides, Table, Transmission};
+use crate::{AnySimulatedDrive as Drive, Frame, Mark, Overrides, Table, Transmission};
 
 use actuation::{Actuation, actuations};
 use channel::channels;
@@ -162,6 +162,12 @@ impl Component for DriveSimulation {
                 axis.drive.cut_power();
             }
             axis.was_off = is_off;
+            let is_on = |kind| self.faults.iter().any(|fault| fault.befalls(kind, axis.entry, now_ns));
+            axis.drive.set_mark(match () {
+                () if is_on(FaultKind::NoMark) => Mark::Missing,
+                () if is_on(FaultKind::StuckMark) => Mark::Stuck,
+                () => Mark::Works,
+            });
         }
         let Self { lines, axes, faults, config, random, clock, .. } = self;
         let mut drives = Drives { axes, faults, config, random, lost: 0 };

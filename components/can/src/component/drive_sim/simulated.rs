@@ -5,7 +5,7 @@ use motorium::prelude::*;
 
 use super::channel::Channel;
 use super::endpoints::Endpoints;
-use super::{Axis, BABBLE_NS, Drives};
+use super::{BABBLE_NS, Drives};
 use crate::bus::simulated::Event;
 use crate::component::faults::FaultKind;
 use crate::{Condition, ErrorState, Form, Frame, Id, Report};
@@ -101,7 +101,9 @@ impl Simulated {
                     }
                     self.endpoints.deliver(index, &frame, time_ns);
                 }
-                Event::Disturbed { sender: 0, is_unacknowledged: true, .. } => channel.is_unacknowledged = true,
+                Event::Disturbed { sender: 0, is_unacknowledged: true, .. } => {
+                    channel.is_unacknowledged = true
+                }
                 Event::Delivered { .. } | Event::Disturbed { .. } => {}
             }
         }

@@ -1,0 +1,154 @@
+//! Homing in a graph in lockstep: the adapter, simulated buses and drives, physics.
+
+use motorium::prelude::*;
+use motorium::state::EmergencyStop;
+use motorium::testing::{Probe, Source};
+use motorium_can::JointHealth;
+
+use super::components::{Folder, GOAL, graph};
+
+/// The drive table of the planar arm, whose joints are homed: the first one before the others.
+const PLANAR: &str = r#"
+[[bus]]
+name    = "can0"
+bitrate = 1_000_000
+
+[[drive]]
+joint    = "joint1"
+bus      = "can0"
+protocol = "damiao"
+node     = 1
+ratio    = 4.0
+watchdog = "20 ms"
+ranges   = { position = 25.0, velocity = 30.0, torque = 8.0 }
+homing   = { by = "stop", velocity = 1.5, effort = 4.0, position = 2.9 }
+
+[[drive]]
+joint    = "joint2"
+bus      = "can0"
+protocol = "damiao"
+node     = 2
+ratio    = 4.0
+reversed = true
+watchdog = "20 ms"
+ranges   = { position = 25.0, velocity = 30.0, torque = 8.0 }
+homing   = { by = "stop", velocity = 1.5, effort = 4.0, position = 2.9, order = 1 }
+
+[[bus]]
+name    = "can1"
+bitrate = 1_000_000
+
+[[drive]]
+joint        = "joint3"
+bus          = "can1"
+protocol     = "cia402"
+node         = 3
+ratio        = 4.0
+watchdog     = "20 ms"
+increments   = 65536.0
+rated_torque = 4.0
+ranges       = { position = 25.0, velocity = 30.0, torque = 8.0 }
+position_loop = { kp = 20.0, kd = 1.0 }
+offset       = -1.2
+homing       = { by = "drive", method = 17, velocity = 0.5, creep_velocity = 0.1, acceleration = 2.0, order = 1 }
+"#;
+
+#[test]
+fn an_arm_is_homed_in_a_graph_before_its_state_is_published_and_then_follows_its_commands() {
+    let folder = Folder::new("homing", PLANAR);
+    let (measured, truth) = (Probe::<JointState>::of("arm/state"), Probe::<JointState>::of("arm/true_state"));
+    let health = Probe::<JointHealth>::of("arm/health");
+    let report = graph(&folder, "", "").with(&measured).with(&truth).with(&health).run("9 s").unwrap();
+    let result = &report.results["adapter"];
+    for joint in ["joint1", "joint2", "joint3"] {
+        assert_eq!(result["joints"][joint]["homing"], "homed", "{result}");
+        assert_eq!(result["joints"][joint]["phase"], "enabled", "{result}");
+    }
+    assert_eq!((&result["tripped"], &result["missing_replies"]), (&false.into(), &0.into()), "{result}");
+    let adapter = report.components.iter().find(|component| component.name == "adapter").unwrap();
+    assert_eq!(adapter.allocations, Some(0));
+    // what is published is where the joints are, from the first state on
+    let truth = truth.samples();
+    for sample in measured.samples() {
+        let now = sample.stamp.source_time;
+        let then = truth.iter().min_by_key(|truth| truth.stamp.publish_time.abs_diff(now)).unwrap();
+        for (q, truth) in sample.value.position().iter().zip(then.value.position()) {
+            assert!(
+                (q - truth).abs() < 0.03,
+                "{now}: {:?} {:?}",
+                sample.value.position(),
+                then.value.position()
+            );
+        }
+    }
+    let last = measured.values().pop().unwrap();
+    for (q, goal) in last.position().iter().zip(GOAL) {
+        assert!((q - goal).abs() < 0.2, "{:?}", last.position());
+    }
+    // nothing was enabled before, and its flags said why
+    let first = health.values()[100];
+    assert_eq!(
+        first.flags[0] & (JointHealth::HOMING | JointHealth::NOT_HOMED),
+        JointHealth::HOMING | JointHealth::NOT_HOMED
+    );
+    assert_eq!(first.flags[1] & (JointHealth::HOMING | JointHealth::NOT_HOMED), JointHealth::NOT_HOMED);
+}
+
+#[test]
+fn an_emergency_stop_interrupts_a_homing() {
+    let folder = Folder::new("homing-stopped", PLANAR);
+    let truth = Probe::<JointState>::of("arm/true_state");
+    let stop = Source::new("button", "button", |tick| {
+        let mut stop = EmergencyStop::default();
+        stop.stop = u64::from(tick.time() > 1.0);
+        Some(stop)
+    });
+    let safety = "emergency_stop = \"button\"";
+    let report = graph(&folder, "", safety).with(stop).with(&truth).run("3 s").unwrap();
+    let (result, drives) = (&report.results["adapter"], &report.results["drives"]["drives"]);
+    assert_eq!(result["joints"]["joint1"]["homing"], "waiting", "{result}");
+    assert_eq!(drives["joint1"]["enabled"], false, "{drives}");
+    let at = |time: f64| {
+        truth.samples().iter().find(|sample| sample.tick.time() >= time).unwrap().value.position()[0]
+    };
+    assert!(at(0.95) > at(0.5) + 0.3, "it was on its way");
+    assert!((at(2.9) - at(1.2)).abs() < 1e-3, "and stands: {} {}", at(1.2), at(2.9));
+}
+
+#[test]
+fn a_homing_beyond_the_limits_of_its_joint_is_refused() {
+    for (from, to, words) in [
+        (
+            "velocity = 1.5, effort = 4.0, position = 2.9 }",
+            "velocity = 6.0, effort = 4.0, position = 2.9 }",
+            "a velocity beyond that of the joint, 5.000",
+        ),
+        (
+            "effort = 4.0, position = 2.9 }",
+            "effort = 21.0, position = 2.9 }",
+            "an effort beyond that of the joint, 20.000",
+        ),
+        ("position = 2.9 }", "position = 3.0 }", "it ends at 2.9500, and the joint has -2.9000 to 2.9000"),
+    ] {
+        let folder = Folder::new("homing-limits", &PLANAR.replacen(from, to, 1));
+        let text = graph(&folder, "", "").check().unwrap_err().render(false);
+        assert!(text.contains(words), "{text}");
+    }
+    let folder = Folder::new("homing-faults", PLANAR);
+    let fault = r#"faults = [{ at = "1 s", kind = "no_mark", joint = "joint1" }]"#;
+    let text = graph(&folder, fault, "").check().unwrap_err().render(false);
+    assert!(text.contains("the drive of `joint1` looks for no mark by itself"), "{text}");
+}
+
+#[test]
+fn a_stuck_switch_in_a_graph_trips_the_adapter_with_its_reason() {
+    let folder = Folder::new("homing-stuck", PLANAR);
+    let fault = r#"faults = [{ at = "0 s", kind = "stuck_mark", joint = "joint3" }]"#;
+    let report = graph(&folder, fault, "").run("5 s").unwrap();
+    let result = &report.results["adapter"];
+    assert_eq!(result["tripped"], true, "{result}");
+    assert_eq!(result["joints"]["joint3"]["homing"], "failed", "{result}");
+    let fault = result["joints"]["joint3"]["homing_fault"].as_str().unwrap();
+    assert!(fault.contains("is its switch stuck"), "{fault}");
+    assert!(result["enabled_in_cycle"].is_null(), "{result}");
+}
