@@ -195,6 +195,19 @@ fn a_duplicate_answer_is_counted_and_trips_nothing() {
 }
 
 #[test]
+fn answers_of_a_second_drive_with_the_same_number_are_counted_and_not_taken() {
+    let Some(row) = row("twin") else { return };
+    let adapter = &row.results()["adapter"];
+    let joint = &adapter["joints"]["panda_joint4"];
+    // each cycle of half a second has one too many
+    let second = number(&joint["duplicate_replies"]) + number(&joint["late_replies"]);
+    assert!(second > 100, "{adapter}");
+    assert_eq!(number(&joint["missing_replies"]), 0, "{adapter}");
+    // taken for its position, one of them would be a jump of a third of a radian that no gate lets pass
+    assert_eq!(adapter["tripped"], false, "{adapter}");
+}
+
+#[test]
 fn answers_of_a_wrong_length_and_corrupt_ones_are_refused_and_never_become_a_state() {
     for name in ["wrong_length", "corrupt"] {
         let Some(row) = row(name) else { return };

@@ -40,6 +40,7 @@ row() {
 row silent 'kind = "silent", joint = "panda_joint4"'
 row late 'kind = "late", delay = "3 ms", joint = "panda_joint4"'
 row duplicate 'kind = "duplicate", joint = "panda_joint4"'
+row twin 'kind = "twin", joint = "panda_joint4"'
 row wrong_length 'kind = "wrong_length", joint = "panda_joint4"'
 row corrupt 'kind = "corrupt", joint = "panda_joint4"'
 row off 'kind = "off", lasts = "50 ms", joint = "panda_joint4"'

@@ -10,11 +10,11 @@ use super::{Adapter, Link, Phase, Setpoint};
 use crate::table::{HomingBy, HomingEntry};
 
 /// Time over which motion is judged, ns.
-const WINDOW_NS: u64 = 100_000_000;
+const WINDOW_NS: u64 = 200_000_000;
 /// Windows in a row without motion after which it stands.
 const STILL_WINDOWS: u32 = 2;
-/// Share of the commanded velocity below which a joint does not move.
-const STILL: f64 = 0.1;
+/// Share of the commanded velocity below which a joint does not move. One that is heavy gathers way faster than that.
+const STILL: f64 = 0.03;
 /// Multiple of the commanded velocity beyond which it runs away.
 const RUNAWAY: f64 = 5.0;
 /// Largest difference of the two places of a stop, as a share of the way between.
@@ -176,18 +176,22 @@ impl Stop {
         self.begin_window(None);
     }
 
-    /// The velocity to command, and the gain with which it is followed.
-    pub(super) fn command(&self) -> (f64, f64) {
-        let velocity = match self.stage {
-            Stage::Approach | Stage::ApproachAgain(_) => self.velocity,
-            Stage::BackOff(_) | Stage::Leave(_) => -self.velocity,
-        };
-        (velocity, self.kd)
+    fn direction(&self) -> f64 {
+        match self.stage {
+            Stage::Approach | Stage::ApproachAgain(_) => self.velocity.signum(),
+            Stage::BackOff(_) | Stage::Leave(_) => -self.velocity.signum(),
+        }
+    }
+
+    /// The velocity to command to a joint that has this one, and the gain with which it is followed: with no more than its effort.
+    pub(super) fn command(&self, measured: f64) -> (f64, f64) {
+        let most = self.velocity.abs();
+        ((self.direction() * most).clamp(measured - most, measured + most), self.kd)
     }
 
     /// A cycle that ends with the joint at this position.
     pub(super) fn step(&mut self, position: f64, cycle_ns: u64) -> Outcome {
-        let forward = (position - self.from.unwrap_or(position)) * self.command().0.signum();
+        let forward = (position - self.from.unwrap_or(position)) * self.direction();
         if let Stage::BackOff(from) | Stage::Leave(from) = self.stage
             && (from - position) * self.velocity.signum() >= self.back_off
         {
@@ -211,7 +215,7 @@ impl Stop {
         if share.abs() > RUNAWAY {
             return Outcome::Failed(HomingFault::Runaway(share.abs()));
         }
-        self.still = if share < STILL { self.still + 1 } else { 0 };
+        self.still = if share.abs() < STILL { self.still + 1 } else { 0 };
         if self.still < STILL_WINDOWS {
             return Outcome::Moving;
         }
@@ -318,7 +322,7 @@ impl Link {
     pub(super) fn homing_order(&self) -> Order {
         match self.homing.as_ref().map(|homing| &homing.stop) {
             Some(Some(stop)) if stop.is_enabled => {
-                let (velocity, kd) = stop.command();
+                let (velocity, kd) = stop.command(self.velocity);
                 self.command(Setpoint { velocity, kd, ..Setpoint::default() })
             }
             Some(Some(_)) => Order::Enable,

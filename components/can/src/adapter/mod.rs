@@ -355,6 +355,7 @@ impl Adapter {
         for link in &mut self.links {
             // one that does not tell its state may have let go meanwhile
             let is_well = link.phase == Phase::Enabled
+                && link.is_homed()
                 && link.silent == 0
                 && link.dialogue.tells_its_state()
                 && self.on_trip == OnTrip::Damp;

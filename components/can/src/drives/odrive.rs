@@ -156,6 +156,20 @@ pub enum Report {
         /// Current, A.
         current: f64,
     },
+    /// Temperatures, degrees Celsius; 0 where there is no thermistor.
+    Temperature {
+        /// Of the transistors.
+        transistors: f64,
+        /// Of the motor.
+        motor: f64,
+    },
+    /// Currents of the motor: setpoint and measurement, A.
+    Currents {
+        /// The setpoint.
+        target: f64,
+        /// The measurement.
+        measured: f64,
+    },
     /// Torques of newer firmware: setpoint and estimate, N m.
     Torques {
         /// The setpoint.
@@ -174,6 +188,8 @@ const SET_POSITION: u16 = 0x0c;
 const SET_VELOCITY: u16 = 0x0d;
 const SET_TORQUE: u16 = 0x0e;
 const SET_LIMITS: u16 = 0x0f;
+const CURRENTS: u16 = 0x14;
+const TEMPERATURE: u16 = 0x15;
 const SUPPLY: u16 = 0x17;
 const CLEAR_ERRORS: u16 = 0x18;
 const TORQUES: u16 = 0x1c;
@@ -300,6 +316,8 @@ impl Node {
             }
             Report::Encoder { position, velocity } => (ENCODER, floats(position / TAU, velocity / TAU)),
             Report::Supply { voltage, current } => (SUPPLY, floats(voltage, current)),
+            Report::Temperature { transistors, motor } => (TEMPERATURE, floats(transistors, motor)),
+            Report::Currents { target, measured } => (CURRENTS, floats(target, measured)),
             Report::Torques { target, estimate } => (TORQUES, floats(target, estimate)),
         };
         Frame::classic(self.id(command), &data)
@@ -327,6 +345,14 @@ impl Node {
             SUPPLY => Report::Supply {
                 voltage: finite(first, "the voltage")?,
                 current: finite(second, "the current")?,
+            },
+            TEMPERATURE => Report::Temperature {
+                transistors: finite(first, "the temperature of the transistors")?,
+                motor: finite(second, "the temperature of the motor")?,
+            },
+            CURRENTS => Report::Currents {
+                target: finite(first, "the target")?,
+                measured: finite(second, "the measurement")?,
             },
             TORQUES => Report::Torques {
                 target: finite(first, "the target")?,

@@ -137,6 +137,9 @@ impl Odrive {
             let result = u8::from(self.search.is_some());
             let heartbeat = Report::Heartbeat { error: self.error, state, result };
             say(self.node.report_frame(&heartbeat), self.next_heartbeat_ns);
+            let motor = self.motor.temperature;
+            let temperature = Report::Temperature { transistors: motor, motor };
+            say(self.node.report_frame(&temperature), self.next_heartbeat_ns);
             self.next_heartbeat_ns += HEARTBEAT_NS;
         }
     }

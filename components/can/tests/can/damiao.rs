@@ -40,6 +40,6 @@ fn an_answer_about_something_else_is_refused() {
     let answer = other.answer(MASTER, Value::Number(1.0));
     assert_eq!(asked.value(&answer, MASTER), Err(DecodeError::Answer { found: 21, expected: 23 }));
     let endless = asked.answer(MASTER, Value::Number(f64::INFINITY));
-    let refused = Err(DecodeError::NotFinite { field: "the end of a range" });
+    let refused = Err(DecodeError::NotFinite { field: "the number of a register" });
     assert_eq!(asked.value(&endless, MASTER), refused);
 }

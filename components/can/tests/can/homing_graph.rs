@@ -21,7 +21,7 @@ node     = 1
 ratio    = 4.0
 watchdog = "20 ms"
 ranges   = { position = 25.0, velocity = 30.0, torque = 8.0 }
-homing   = { by = "stop", velocity = 1.5, effort = 4.0, position = 2.9 }
+homing   = { by = "stop", velocity = 1.5, effort = 12.0, position = 2.9 }
 
 [[drive]]
 joint    = "joint2"
@@ -32,7 +32,7 @@ ratio    = 4.0
 reversed = true
 watchdog = "20 ms"
 ranges   = { position = 25.0, velocity = 30.0, torque = 8.0 }
-homing   = { by = "stop", velocity = 1.5, effort = 4.0, position = 2.9, order = 1 }
+homing   = { by = "stop", velocity = 1.5, effort = 12.0, position = 2.9, order = 1 }
 
 [[bus]]
 name    = "can1"
@@ -58,7 +58,7 @@ fn an_arm_is_homed_in_a_graph_before_its_state_is_published_and_then_follows_its
     let folder = Folder::new("homing", PLANAR);
     let (measured, truth) = (Probe::<JointState>::of("arm/state"), Probe::<JointState>::of("arm/true_state"));
     let health = Probe::<JointHealth>::of("arm/health");
-    let report = graph(&folder, "", "").with(&measured).with(&truth).with(&health).run("9 s").unwrap();
+    let report = graph(&folder, "", "").with(&measured).with(&truth).with(&health).run("12 s").unwrap();
     let result = &report.results["adapter"];
     for joint in ["joint1", "joint2", "joint3"] {
         assert_eq!(result["joints"][joint]["homing"], "homed", "{result}");
@@ -119,12 +119,12 @@ fn an_emergency_stop_interrupts_a_homing() {
 fn a_homing_beyond_the_limits_of_its_joint_is_refused() {
     for (from, to, words) in [
         (
-            "velocity = 1.5, effort = 4.0, position = 2.9 }",
-            "velocity = 6.0, effort = 4.0, position = 2.9 }",
+            "velocity = 1.5, effort = 12.0, position = 2.9 }",
+            "velocity = 6.0, effort = 12.0, position = 2.9 }",
             "a velocity beyond that of the joint, 5.000",
         ),
         (
-            "effort = 4.0, position = 2.9 }",
+            "effort = 12.0, position = 2.9 }",
             "effort = 21.0, position = 2.9 }",
             "an effort beyond that of the joint, 20.000",
         ),
@@ -144,7 +144,7 @@ fn a_homing_beyond_the_limits_of_its_joint_is_refused() {
 fn a_stuck_switch_in_a_graph_trips_the_adapter_with_its_reason() {
     let folder = Folder::new("homing-stuck", PLANAR);
     let fault = r#"faults = [{ at = "0 s", kind = "stuck_mark", joint = "joint3" }]"#;
-    let report = graph(&folder, fault, "").run("5 s").unwrap();
+    let report = graph(&folder, fault, "").run("12 s").unwrap();
     let result = &report.results["adapter"];
     assert_eq!(result["tripped"], true, "{result}");
     assert_eq!(result["joints"]["joint3"]["homing"], "failed", "{result}");

@@ -41,6 +41,8 @@ pub(in crate::adapter) struct Odrive {
     /// As it reports, or else as it was commanded.
     torque: f64,
     reports_torque: bool,
+    /// Temperature of its hotter part, degrees Celsius, if it is set up to report them.
+    temperature: Option<f64>,
     /// The state in which it homes.
     homes: AxisState,
     homing: Homing,
@@ -74,6 +76,7 @@ impl Odrive {
             motion: Motion::default(),
             torque: 0.0,
             reports_torque: false,
+            temperature: None,
             homes: match entry.homing.as_ref().and_then(|homing| homing.procedure) {
                 Some(HomingProcedure::Index) => AxisState::IndexSearch,
                 Some(HomingProcedure::Endstop) | None => AxisState::Homing,
@@ -220,7 +223,7 @@ impl Odrive {
                     position,
                     velocity,
                     torque: self.torque,
-                    temperature: None,
+                    temperature: self.temperature,
                     voltage: None,
                     state: self.state,
                 })
@@ -229,7 +232,11 @@ impl Odrive {
                 (self.torque, self.reports_torque) = (estimate, true);
                 Response::Other
             }
-            Report::Supply { .. } => Response::Other,
+            Report::Temperature { transistors, motor } => {
+                self.temperature = Some(transistors.max(motor));
+                Response::Other
+            }
+            Report::Supply { .. } | Report::Currents { .. } => Response::Other,
         })
     }
 }
