@@ -24,7 +24,8 @@ fn offered<T>(name: &str, look: impl FnOnce(&str) -> T) -> T {
                 if is_over.load(Ordering::Relaxed) {
                     return;
                 }
-                for received in inbox[..offer.receive(&mut inbox)].iter() {
+                let count = offer.receive(&mut inbox);
+                for received in &inbox[..count] {
                     let Id::Standard(id) = received.frame.id else { continue };
                     let answer = Frame::new(Id::Standard(id + 1), received.frame.form, received.frame.data());
                     offer.deliver(&Received { frame: answer.expect("a frame"), ..*received });

@@ -193,7 +193,7 @@ fn the_merged_state_has_the_rate_of_its_own_the_newest_of_each_part_and_the_age_
         let age_ns = now - sample.stamp.source_time;
         assert!((1_000_000..=11_000_000).contains(&age_ns), "{age_ns}");
     }
-    // of the slow one each state stands in two or three merged ones, of the fast one in one
+    // of the slow one each state stands in two or three merged ones, of the fast one in one; where they turn slowly their steps hide it
     let changes = |joint: usize| {
         whole
             .windows(2)
@@ -201,7 +201,7 @@ fn the_merged_state_has_the_rate_of_its_own_the_newest_of_each_part_and_the_age_
             .count()
     };
     assert!(changes(0) > 350, "{}", changes(0));
-    assert!((150..=200).contains(&changes(2)), "{}", changes(2));
+    assert!((110..=200).contains(&changes(2)), "{}", changes(2));
     let result = &report.results["merge"];
     assert_eq!(result["published"].as_u64(), Some(counts[2] as u64), "{result}");
     assert!(result["oldest_ms"]["arm"].as_f64().is_some_and(|age| age < 3.0), "{result}");
