@@ -41,7 +41,7 @@ pub(super) fn complete(
     let object = |(index, subindex)| Object { index, subindex };
     let limits_current = drive.current_limit.map(|_| Object::MAX_CURRENT);
     let needed = WRITTEN.iter().copied().chain(limits_current).map(|object| (object, true));
-    let is_homed = drive.homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Drive);
+    let is_homed = homes_itself(drive);
     let homed = HOMED.map(|object| (object, true)).into_iter().chain([(Object::MODE_DISPLAY, false)]);
     let needed = needed.chain(homed.filter(|_| is_homed));
     for (needed, is_written) in needed.chain([(Object::RATED_TORQUE, false), (object((0x6040, 0)), false)]) {
@@ -73,6 +73,11 @@ fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
         return Err((message, "write a method of the drive's manual"));
     }
     Ok(())
+}
+
+/// True if it looks for its mark by a procedure of its own.
+fn homes_itself(drive: &DriveEntry) -> bool {
+    drive.homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Drive)
 }
 
 /// An object as people write it.
@@ -116,7 +121,7 @@ fn mode(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
             let advice = "0x80 is position, 0x100 velocity, 0x200 torque: write a `mode` that it knows";
             Err((message, advice))
         }
-        Some(known) if known != 0 && known >> 5 & 1 == 0 && drive.homing.is_some() => {
+        Some(known) if known != 0 && known >> 5 & 1 == 0 && homes_itself(drive) => {
             let message = format!("the drive does not know homing: 0x6502 is 0x{known:X}");
             Err((
                 message,
