@@ -6,6 +6,7 @@
 
 mod adapters;
 mod ends;
+mod often;
 mod twelve;
 
 use std::collections::BTreeMap;
@@ -57,11 +58,6 @@ fn row(name: &str) -> Option<&'static Row> {
     Some(rows.get(name).unwrap_or_else(missing))
 }
 
-/// Times that the adapter is killed, and hung, in one run.
-fn kills() -> u64 {
-    std::env::var("MOTORIUM_CAN_KILLS").map_or(3, |kills| kills.parse().expect("a number of kills"))
-}
-
 /// Runs all rows in the machine.
 fn run() -> Option<Machine> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -75,7 +71,7 @@ fn run() -> Option<Machine> {
     let seconds = std::env::var("MOTORIUM_CAN_SECONDS").unwrap_or_else(|_| "5".to_string());
     std::fs::write(graphs.join("seconds"), seconds).expect("a file");
     // more deaths of the adapter: `MOTORIUM_CAN_KILLS=100 cargo only can often`
-    std::fs::write(graphs.join("kills"), kills().to_string()).expect("a file");
+    std::fs::write(graphs.join("kills"), often::kills().to_string()).expect("a file");
     let put = |from: &Path, to: &str| format!("{}:{to}", from.display());
     let output = Command::new("bash")
         .arg(here.join("can/vm.sh"))
@@ -357,21 +353,6 @@ fn when_the_adapter_is_killed_or_hangs_every_drive_lets_go_by_its_own_watchdog()
             8,
             "{name}: {results}"
         );
-    }
-}
-
-#[test]
-fn each_time_the_adapter_is_killed_or_hangs_every_drive_lets_go_and_follows_again_once_it_is_back() {
-    for name in ["adapter_kill_often", "adapter_stop_often"] {
-        let Some(row) = row(name) else { return };
-        let results = row.results();
-        let trips = |drive: &Value| number(&drive["watchdog_trips"]);
-        // and once more when the run ends while the drives still look at the bus
-        let acted = drives(&results, |drive| (kills()..=kills() + 1).contains(&trips(drive)));
-        assert_eq!(acted, 8, "{name}: {results}");
-        let adapter = &results["adapter"];
-        assert_eq!(adapter["tripped"], false, "{name}: {adapter}");
-        assert!(adapter["enabled_in_cycle"].is_u64(), "{name}: {adapter}");
     }
 }
 

@@ -100,12 +100,18 @@ finish
 # The adapter killed, and hung, again and again: it is started anew each time, and leads the drives back.
 for fault in kill stop; do
     kills=$(cat /graphs/kills)
-    begin "adapter_${fault}_often" --for "$((kills / 2 + 30))s" \
+    begin "adapter_${fault}_often" --for "$((20 * kills + 30))s" \
         --set component.adapter.restart="{ when = \"failure\", at_most = $((kills + 1)), window = \"1000 s\" }" \
         --set component.adapter.hang_after='"100 ms"'
-    for _ in $(seq "$kills"); do
+    for count in $(seq "$kills"); do
         motorium kill arm-can adapter --signal $fault >>killed 2>&1
-        sleep 0.5
+        # the pause before a restart grows with each of them
+        for _ in $(seq 200); do
+            [ "$(grep -c 'steps again' errors)" -ge "$count" ] && break
+            sleep 0.1
+        done
+        # its drives are checked and enabled meanwhile
+        sleep 0.3
     done
     kill -INT $run
     finish

@@ -14,7 +14,7 @@ use rustix::net::{
     listen, recv, send, socket_with,
 };
 
-use super::records::{BATCH, RECORD, Record};
+use super::records::{BATCH, Batch, RECORD, Record};
 use crate::bus::report::Report;
 use crate::bus::socket::{Condition, OpenError, SocketCounts};
 use crate::bus::time::{Retry, monotonic_ns};
@@ -37,34 +37,6 @@ fn new_socket() -> io::Result<OwnedFd> {
 /// True if the other end of a socket is a program of this user.
 fn is_ours(socket: &OwnedFd) -> bool {
     socket_peercred(socket).is_ok_and(|peer| peer.uid == rustix::process::getuid())
-}
-
-/// Records that wait to be sent.
-#[derive(Debug)]
-struct Batch {
-    bytes: Box<[u8; RECORD * BATCH]>,
-    count: usize,
-}
-
-impl Batch {
-    fn new() -> Self {
-        Self { bytes: Box::new([0; RECORD * BATCH]), count: 0 }
-    }
-
-    fn is_full(&self) -> bool {
-        self.count == BATCH
-    }
-
-    fn push(&mut self, record: &Record) {
-        if let Some(place) = self.bytes.as_chunks_mut().0.get_mut(self.count) {
-            record.encode(place);
-            self.count += 1;
-        }
-    }
-
-    fn bytes(&self) -> &[u8] {
-        &self.bytes[..RECORD * self.count]
-    }
 }
 
 /// The end of the program that simulates the bus.
