@@ -1,24 +1,14 @@
 //! The homing of joints whose position is not known when their power comes on.
 //!
 //! A drive with a procedure of its own is asked for it, and says zero at its mark. Any other joint is led slowly into its
-//! mechanical stop by the adapter, with the effort that it may stand there with: it comes to rest, moves off the stop, and comes to
-//! rest a second time at the same place. A joint that does not move off again is jammed, or its brake is closed; one that finds two
-//! places has met something that gave way.
+//! mechanical stop by the adapter.
+
+mod stop;
 
 use super::dialogue::Order;
-use super::{Adapter, Link, Phase, Setpoint};
+use super::{Adapter, Link, OnTrip, Phase, Setpoint};
 use crate::table::{HomingBy, HomingEntry};
-
-/// Time over which motion is judged, ns.
-const WINDOW_NS: u64 = 200_000_000;
-/// Windows in a row without motion after which it stands.
-const STILL_WINDOWS: u32 = 2;
-/// Share of the commanded velocity below which a joint does not move. One that is heavy gathers way faster than that.
-const STILL: f64 = 0.03;
-/// Multiple of the commanded velocity beyond which it runs away.
-const RUNAWAY: f64 = 5.0;
-/// Largest difference of the two places of a stop, as a share of the way between.
-const REPEATS_WITHIN: f64 = 0.4;
+use stop::{Outcome, Stop};
 
 /// The reason why a joint was not homed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -37,12 +27,20 @@ pub enum HomingFault {
     /// The drive let go meanwhile.
     #[error("the drive let go while it was homed")]
     LetGo,
+    /// The drive does not take an object of its homing.
+    #[error("the drive refuses an object of its homing: code 0x{0:08X}")]
+    Refused(u32),
     /// The joint did not move off its stop.
     #[error("it does not move off the stop again: is it jammed, or its brake closed?")]
     Jammed,
     /// The joint came to rest at two places.
     #[error("its stop lies at two places, {0:.4} apart: is something soft in its way?")]
     Ambiguous(f64),
+    /// The joint gave way when it stood there with half of its effort.
+    #[error(
+        "with half of `effort` it does not stay where it came to rest: was it no stop, but its weight that stopped it?"
+    )]
+    Balanced,
     /// The joint moved much faster than it was commanded.
     #[error("it moves {0:.1} times as fast as it is commanded: does its load pull it?")]
     Runaway(f64),
@@ -103,141 +101,21 @@ impl Homing {
     }
 }
 
-/// The stage of a homing at a stop; positions are those of the joint but for its offset.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Stage {
-    /// To the stop.
-    Approach,
-    /// Away from it, from this position.
-    BackOff(f64),
-    /// To the stop again, which was found at this position.
-    ApproachAgain(f64),
-    /// Away from it for good.
-    Leave(f64),
-}
-
-/// A homing at the mechanical stop of a joint.
-#[derive(Clone, Debug)]
-pub(super) struct Stop {
-    velocity: f64,
-    /// Velocity gain with which it stands against the stop with the effort that it may.
-    kd: f64,
-    /// Position of the joint at the stop.
-    pub(super) position: f64,
-    back_off: f64,
-    stage: Stage,
-    /// The drive follows commands.
-    pub(super) is_enabled: bool,
-    window_ns: u64,
-    from: Option<f64>,
-    still: u32,
-}
-
-/// The outcome of one cycle of a homing at a stop.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Outcome {
-    /// It goes on.
-    Moving,
-    /// The stop was found at this position, and the joint has moved off it.
-    Found(f64),
-    /// It failed.
-    Failed(HomingFault),
-}
-
-impl Stop {
-    fn of(entry: &HomingEntry) -> Self {
-        // the table has been checked
-        let velocity = entry.velocity.unwrap_or(1.0);
-        Self {
-            velocity,
-            kd: entry.effort.unwrap_or_default() / velocity.abs(),
-            position: entry.position.unwrap_or_default(),
-            back_off: entry.back_off(),
-            stage: Stage::Approach,
-            is_enabled: false,
-            window_ns: 0,
-            from: None,
-            still: 0,
-        }
-    }
-
-    fn begin(&mut self) {
-        (self.stage, self.is_enabled) = (Stage::Approach, false);
-        self.begin_window(None);
-        self.still = 0;
-    }
-
-    fn begin_window(&mut self, from: Option<f64>) {
-        (self.window_ns, self.from) = (0, from);
-    }
-
-    fn enter(&mut self, stage: Stage) {
-        (self.stage, self.still) = (stage, 0);
-        self.begin_window(None);
-    }
-
-    fn direction(&self) -> f64 {
-        match self.stage {
-            Stage::Approach | Stage::ApproachAgain(_) => self.velocity.signum(),
-            Stage::BackOff(_) | Stage::Leave(_) => -self.velocity.signum(),
-        }
-    }
-
-    /// The velocity to command to a joint that has this one, and the gain with which it is followed: with no more than its effort.
-    pub(super) fn command(&self, measured: f64) -> (f64, f64) {
-        let most = self.velocity.abs();
-        ((self.direction() * most).clamp(measured - most, measured + most), self.kd)
-    }
-
-    /// A cycle that ends with the joint at this position.
-    pub(super) fn step(&mut self, position: f64, cycle_ns: u64) -> Outcome {
-        let forward = (position - self.from.unwrap_or(position)) * self.direction();
-        if let Stage::BackOff(from) | Stage::Leave(from) = self.stage
-            && (from - position) * self.velocity.signum() >= self.back_off
-        {
-            match self.stage {
-                Stage::Leave(_) => return Outcome::Found(from),
-                _ => self.enter(Stage::ApproachAgain(from)),
-            }
-            return Outcome::Moving;
-        }
-        if self.from.is_none() {
-            self.begin_window(Some(position));
-            return Outcome::Moving;
-        }
-        self.window_ns += cycle_ns;
-        if self.window_ns < WINDOW_NS {
-            return Outcome::Moving;
-        }
-        let commanded = self.velocity.abs() * self.window_ns as f64 * 1e-9;
-        let share = forward / commanded;
-        self.begin_window(Some(position));
-        if share.abs() > RUNAWAY {
-            return Outcome::Failed(HomingFault::Runaway(share.abs()));
-        }
-        self.still = if share.abs() < STILL { self.still + 1 } else { 0 };
-        if self.still < STILL_WINDOWS {
-            return Outcome::Moving;
-        }
-        match self.stage {
-            Stage::Approach => self.enter(Stage::BackOff(position)),
-            Stage::BackOff(_) | Stage::Leave(_) => return Outcome::Failed(HomingFault::Jammed),
-            Stage::ApproachAgain(first) => {
-                let apart = (position - first).abs();
-                if apart > REPEATS_WITHIN * self.back_off {
-                    return Outcome::Failed(HomingFault::Ambiguous(apart));
-                }
-                self.enter(Stage::Leave(position));
-            }
-        }
-        Outcome::Moving
-    }
-}
-
 impl Adapter {
-    /// Lets homing go on, which it does by default, or stops it: joints under way let go, and begin anew when it may go on.
+    /// Lets homing go on, which it does by default, or stops it: joints under way let go at once, and begin anew when it may go on.
+    /// Joints that are held meanwhile follow [`set`](Self::set) until then.
     pub fn allow_homing(&mut self, is_allowed: bool) {
-        self.is_homing_allowed = is_allowed;
+        let was_allowed = core::mem::replace(&mut self.is_homing_allowed, is_allowed);
+        if !is_allowed {
+            self.links.iter_mut().for_each(Link::interrupt_homing);
+        } else if !was_allowed && self.awaits_homing() {
+            self.links.iter_mut().filter(|link| link.phase == Phase::Enabled).for_each(Link::hold);
+        }
+    }
+
+    /// True while homing may go on.
+    pub fn allows_homing(&self) -> bool {
+        self.is_homing_allowed
     }
 
     /// True if some joint has yet to be homed.
@@ -257,12 +135,17 @@ impl Adapter {
                 self.tripped = true;
             }
         }
+        if self.tripped {
+            // they let go for the reason of another one
+            self.links.iter_mut().for_each(Link::interrupt_homing);
+            return;
+        }
         let is_ready = |link: &Link| match link.phase {
             Phase::Disabled => link.fresh && link.silent == 0,
             Phase::Enabled => true,
             Phase::Checking(_) | Phase::Homing | Phase::Enabling | Phase::Fault => false,
         };
-        if self.tripped || !self.links.iter().all(is_ready) {
+        if !self.links.iter().all(is_ready) {
             return;
         }
         let homings = self.links.iter().filter_map(|link| link.homing.as_ref());
@@ -305,6 +188,15 @@ impl Link {
     fn interrupt_homing(&mut self) {
         if self.phase == Phase::Homing {
             self.end_homing(HomingState::Waiting);
+        }
+    }
+
+    /// Notes that a trip makes it let go, if it does: it has not done so by itself, and what it has found stays.
+    pub(super) fn let_go(&mut self, on_trip: OnTrip) {
+        self.interrupt_homing();
+        let lets_go = self.phase == Phase::Enabled && on_trip == OnTrip::Disable;
+        if lets_go || self.phase == Phase::Enabling {
+            (self.phase, self.fresh) = (Phase::Disabled, false);
         }
     }
 

@@ -2,34 +2,11 @@
 
 use super::dialogue::{Dialogue, Order, Response};
 use super::homing::{Homing, HomingFault, HomingState};
-use super::{OnTrip, Phase, Setpoint, WrongSetting};
+use super::{Counts, OnTrip, Phase, Setpoint, WrongSetting};
 use crate::bus::bits::{Bits, Rates};
 use crate::frame::{DecodeError, Frame};
 use crate::mit::{self, Ranges, State};
 use crate::table::{Table, Transmission};
-
-/// Counts of one drive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Frames that were not answered before its first answer: it was waited for.
-    pub awaited: u64,
-    /// Frames since then that were not answered before the next one was sent.
-    pub missing: u64,
-    /// Answers to an earlier frame than the last.
-    pub late: u64,
-    /// Answers beyond the first to one frame.
-    pub duplicate: u64,
-    /// Frames of it that could not be decoded.
-    pub refused: u64,
-    /// Commands of which a field lay beyond its range.
-    pub clamped: u64,
-    /// Times that it was lost.
-    pub lost: u64,
-    /// The cycle in which it was lost last, from 1.
-    pub lost_in: Option<u64>,
-    /// Times that it reported a fault.
-    pub faults: u64,
-}
 
 /// One drive as the adapter sees it.
 #[derive(Clone, Debug)]
@@ -158,12 +135,23 @@ impl Link {
     pub(super) fn start(&mut self) {
         self.phase = if self.dialogue.checks() > 0 { Phase::Checking(0) } else { Phase::Disabled };
         (self.fresh, self.fault) = (false, None);
+        // one that does not tell its state may have lost its power meanwhile
         if let Some(homing) = &mut self.homing
-            && homing.state != HomingState::Homed
+            && !(homing.state == HomingState::Homed && self.dialogue.tells_its_state())
         {
             homing.forget();
         }
         (self.owed, self.is_probed, self.is_behind) = (0, false, false);
+    }
+
+    /// Begins anew with a drive that is let go, and has lost what it was told, or may have: its settings are checked again.
+    pub(super) fn begin_anew(&mut self) {
+        if matches!(self.phase, Phase::Disabled | Phase::Checking(_)) {
+            self.dialogue.forget();
+            self.start();
+            // where it was says nothing about where it is
+            self.received_ns = None;
+        }
     }
 
     /// Takes a frame of it that was received at `time_ns`.
@@ -185,12 +173,12 @@ impl Link {
                     let is_last = next >= self.dialogue.checks();
                     self.phase = if is_last { Phase::Disabled } else { Phase::Checking(next) };
                 }
-                Taken { trips: false, wrong }
+                Taken { wrong, ..Taken::default() }
             }
-            Response::State(state) => Taken { trips: self.follow(state), wrong: None },
+            Response::State(state) => Taken { trips: self.follow(state), ..Taken::default() },
             Response::Restarted => {
                 self.forget_homing();
-                Taken { trips: self.follow(State::Disabled), wrong: None }
+                Taken { trips: self.follow_restart(), has_restarted: true, wrong: None }
             }
             Response::Other => Taken::default(),
             Response::Feedback(feedback) => {
@@ -203,7 +191,7 @@ impl Link {
                 self.velocity = feedback.velocity / self.gear.ratio;
                 self.effort = feedback.torque * self.gear.ratio;
                 self.temperature = feedback.temperature;
-                Taken { trips: self.follow(feedback.state), wrong: None }
+                Taken { trips: self.follow(feedback.state), ..Taken::default() }
             }
         })
     }
@@ -319,6 +307,19 @@ impl Link {
         self.homing.as_ref().and_then(|homing| homing.stop.as_ref()).is_some_and(|stop| stop.is_enabled)
     }
 
+    /// Enters that it has started by itself; whether that trips the adapter: it does unless it is let go.
+    fn follow_restart(&mut self) -> bool {
+        let lets_go = matches!(self.phase, Phase::Homing | Phase::Enabling | Phase::Enabled);
+        if self.phase == Phase::Homing {
+            self.end_homing(HomingState::Failed(HomingFault::LetGo));
+        }
+        if lets_go {
+            self.phase = Phase::Fault;
+            self.counts.faults += 1;
+        }
+        lets_go
+    }
+
     /// A state that it reports; whether that trips the adapter.
     pub(super) fn follow(&mut self, state: State) -> bool {
         match (state, self.phase) {
@@ -365,6 +366,8 @@ impl Link {
 pub(super) struct Taken {
     /// The adapter trips.
     pub(super) trips: bool,
+    /// It knows nothing of before.
+    pub(super) has_restarted: bool,
     /// A setting that is not that of the table.
     pub(super) wrong: Option<WrongSetting>,
 }

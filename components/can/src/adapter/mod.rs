@@ -10,6 +10,7 @@
 //! counts as lost. If none comes, the one answer was lost, and the drive goes on.
 
 mod common_answer;
+mod counts;
 mod dialogue;
 mod homing;
 mod link;
@@ -21,9 +22,10 @@ use crate::cia402;
 use crate::frame::{DecodeError, Frame};
 use crate::table::Table;
 use common_answer::CommonAnswer;
+pub use counts::Counts;
 use dialogue::{Dialogue, Order, Servo};
 pub use homing::{HomingFault, HomingState};
-pub use link::{Counts, Link};
+pub use link::Link;
 pub use setting::WrongSetting;
 
 /// Cycles of silence after which a drive counts as lost.
@@ -189,6 +191,9 @@ impl Adapter {
             match link.take(frame, *time_ns) {
                 Ok(taken) => {
                     self.tripped |= taken.trips;
+                    if taken.has_restarted && !self.tripped {
+                        link.begin_anew();
+                    }
                     if let Some(wrong) = taken.wrong {
                         self.wrong.get_or_insert((index, wrong));
                     }
@@ -228,8 +233,12 @@ impl Adapter {
                 link.lose(self.cycles);
                 self.tripped = true;
             }
-            if link.silent == LOST_AFTER {
+            if link.silent >= LOST_AFTER {
                 link.forget_homing();
+                // once it has tripped a person decides, and all are checked again
+                if !self.tripped {
+                    link.begin_anew();
+                }
             }
             link.answered &= link.is_probed;
             link.asked = false;
@@ -305,7 +314,9 @@ impl Adapter {
             }
         }
         let trip = self.tripped.then_some(self.on_trip);
-        if trip.is_none() {
+        if self.tripped {
+            self.links.iter_mut().for_each(|link| link.let_go(self.on_trip));
+        } else {
             self.links.iter_mut().filter(|link| link.bus == bus).for_each(Link::probe);
         }
         let (mut is_line, mut is_synchronised) = (false, false);

@@ -45,6 +45,8 @@ pub struct Cia402 {
     network: NetworkState,
     state: DriveState,
     dictionary: Vec<(Object, Value)>,
+    /// The same as it stands when its power comes on.
+    initial: Vec<(Object, Value)>,
     /// Process data whose mapping cannot be written.
     fixed: Vec<Mapping>,
     /// The watchdog that it keeps, whatever is written; ns.
@@ -95,6 +97,7 @@ impl Cia402 {
             gains: table.position_loop(index),
             network: NetworkState::PreOperational,
             state: DriveState::SwitchOnDisabled,
+            initial: dictionary.clone(),
             dictionary,
             fixed: entry.fixed_mappings.clone(),
             fixed_watchdog_ns: overrides.watchdog_ns,
@@ -125,6 +128,9 @@ impl Cia402 {
         (self.is_watching, self.waiting, self.boots, self.emergency) = (false, None, true, None);
         self.setpoint = Setpoint { controlword: 0, target: 0 };
         self.homing = Homing::None;
+        self.dictionary.copy_from_slice(&self.initial);
+        self.watchdog.after_ns = self.fixed_watchdog_ns.filter(|ns| *ns > 0);
+        self.motor.limit(f64::INFINITY);
     }
 
     fn mode(&self) -> Mode {

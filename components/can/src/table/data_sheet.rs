@@ -67,7 +67,10 @@ fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
     // a byte with a sign, which some data sheets write without one
     let signed = |limit: i64| if (128..256).contains(&limit) { limit - 256 } else { limit };
     let (low, high) = (entry.low(drive.node).map(signed), entry.high(drive.node).map(signed));
-    if low.is_some_and(|low| method < low) || high.is_some_and(|high| method > high) {
+    // limits without a sign that stand for the whole byte say nothing
+    let is_range = !matches!((low, high), (Some(low), Some(high)) if low > high);
+    let is_beyond = low.is_some_and(|low| method < low) || high.is_some_and(|high| method > high);
+    if is_range && is_beyond {
         let message =
             format!("line {}: `homing.method` is {method}, beyond the methods of 0x6098", entry.line());
         return Err((message, "write a method of the drive's manual"));

@@ -230,7 +230,7 @@ fn check_own(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
             format!("a homing by the drive, which {protocol:?} does not have"),
             "write `by = \"stop\"`; its command \"set zero\" is not sent, for many such drives keep the zero for ever",
         )),
-        Protocol::Odrive if drive.current_limit.is_none() => Err((
+        Protocol::Odrive | Protocol::Cia402 if drive.current_limit.is_none() => Err((
             "a homing by the drive without `current_limit`".into(),
             "write the largest current: no command gate bounds what a drive does by itself",
         )),
@@ -302,8 +302,10 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
     let (is_positive, back_off) = (|x: f64| x.is_finite() && x > 0.0, homing.back_off());
     if !(is_number && is_positive(effort) && is_positive(back_off)) {
         return Err((
-            format!("a homing with a velocity of {velocity}, an effort of {effort}, back off by {back_off}"),
-            "write a velocity with the sign of its direction, a positive effort and distance",
+            format!(
+                "a homing with `velocity` {velocity}, `effort` {effort}, `position` {position}, `back_off` {back_off}"
+            ),
+            "write a velocity with the sign of its direction, a positive effort and distance, a finite position",
         ));
     }
     let (torque, ratio) = (effort / drive.ratio, drive.ratio * drive.ratio);

@@ -252,12 +252,16 @@ impl Table {
             match drive.protocol {
                 Protocol::Odrive => {
                     exchanges.push((of(8), of(8)));
-                    // torques, and the heartbeat
-                    others.extend([of(8), of(8)]);
+                    // torques, the heartbeat, and temperatures
+                    others.extend([of(8); 3]);
                 }
                 Protocol::Cia402 => {
                     exchanges.push((of(6), of(6)));
                     others.push(of(6));
+                    if drive.is_homed() && drive.homing_objects().is_some() {
+                        // service data beside the process data, and their answer
+                        others.extend([of(8); 2]);
+                    }
                 }
                 Protocol::Moteus => {
                     exchanges.push((Shape { extended: true, ..of(32) }, of(16)));

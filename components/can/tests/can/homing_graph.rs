@@ -1,11 +1,12 @@
 //! Homing in a graph in lockstep: the adapter, simulated buses and drives, physics.
 
 use motorium::prelude::*;
+use motorium::region::GateState;
 use motorium::state::EmergencyStop;
 use motorium::testing::{Probe, Source};
-use motorium_can::JointHealth;
+use motorium_can::{CanAdapter, JointHealth};
 
-use super::components::{Folder, GOAL, graph};
+use super::components::{Folder, GOAL, bare_graph, command, graph, pushed_graph};
 
 /// The drive table of the planar arm, whose joints are homed: the first one before the others.
 const PLANAR: &str = r#"
@@ -47,15 +48,44 @@ ratio        = 4.0
 watchdog     = "20 ms"
 increments   = 65536.0
 rated_torque = 4.0
+rated_current = 8.0
+current_limit = 16.0
 ranges       = { position = 25.0, velocity = 30.0, torque = 8.0 }
 position_loop = { kp = 20.0, kd = 1.0 }
 offset       = -1.2
 homing       = { by = "drive", method = 17, velocity = 0.5, creep_velocity = 0.1, acceleration = 2.0, order = 1 }
 "#;
 
+/// The same with an ODrive, which reports by itself, in place of the drive of CiA 402.
+fn with_odrive() -> String {
+    let own = &PLANAR[PLANAR.find("protocol     = \"cia402\"").unwrap()..];
+    let odrive = r#"protocol = "odrive"
+node     = 3
+ratio    = 4.0
+watchdog = "20 ms"
+report_every = "3 ms"
+torque_constant = 0.5
+current_limit = 16.0
+ranges   = { position = 25.0, velocity = 30.0, torque = 8.0 }
+position_loop = { kp = 20.0, kd = 1.0 }
+offset   = -1.2
+homing   = { by = "drive", order = 1 }
+"#;
+    PLANAR.replace(own, odrive)
+}
+
 #[test]
 fn an_arm_is_homed_in_a_graph_before_its_state_is_published_and_then_follows_its_commands() {
-    let folder = Folder::new("homing", PLANAR);
+    homes_an_arm("homing", PLANAR);
+}
+
+#[test]
+fn an_arm_with_an_odrive_is_homed_in_a_graph_before_its_state_is_published() {
+    homes_an_arm("homing-odrive", &with_odrive());
+}
+
+fn homes_an_arm(name: &str, drives: &str) {
+    let folder = Folder::new(name, drives);
     let (measured, truth) = (Probe::<JointState>::of("arm/state"), Probe::<JointState>::of("arm/true_state"));
     let health = Probe::<JointHealth>::of("arm/health");
     let report = graph(&folder, "", "").with(&measured).with(&truth).with(&health).run("12 s").unwrap();
@@ -98,11 +128,8 @@ fn an_arm_is_homed_in_a_graph_before_its_state_is_published_and_then_follows_its
 fn an_emergency_stop_interrupts_a_homing() {
     let folder = Folder::new("homing-stopped", PLANAR);
     let truth = Probe::<JointState>::of("arm/true_state");
-    let stop = Source::new("button", "button", |tick| {
-        let mut stop = EmergencyStop::default();
-        stop.stop = u64::from(tick.time() > 1.0);
-        Some(stop)
-    });
+    let stop =
+        Source::new("button", "button", |tick| Some(EmergencyStop { stop: u64::from(tick.time() > 1.0) }));
     let safety = "emergency_stop = \"button\"";
     let report = graph(&folder, "", safety).with(stop).with(&truth).run("3 s").unwrap();
     let (result, drives) = (&report.results["adapter"], &report.results["drives"]["drives"]);
@@ -113,6 +140,49 @@ fn an_emergency_stop_interrupts_a_homing() {
     };
     assert!(at(0.95) > at(0.5) + 0.3, "it was on its way");
     assert!((at(2.9) - at(1.2)).abs() < 1e-3, "and stands: {} {}", at(1.2), at(2.9));
+}
+
+#[test]
+fn in_an_emergency_stop_in_the_middle_of_a_homing_joints_that_are_held_take_the_safe_state() {
+    let moved = |safe_state: &str| {
+        let folder = Folder::new(&format!("homing-held-{safe_state}"), PLANAR);
+        let (truth, health) =
+            (Probe::<JointState>::of("arm/true_state"), Probe::<JointHealth>::of("arm/health"));
+        let stop = Source::new("button", "button", |tick| {
+            Some(EmergencyStop { stop: u64::from(tick.time() > 5.0) })
+        });
+        let safety = format!("emergency_stop = \"button\"\nsafe_state = \"{safe_state}\"");
+        let push =
+            r#"pushes = [{ at = "5.2 s", duration = "1 s", link = "link1", force = [0.0, 20.0, 0.0] }]"#;
+        let graph = pushed_graph(&folder, push, "", &safety).kind::<CanAdapter>();
+        let report = graph.with(stop).with(&truth).with(&health).run("6 s").unwrap();
+        let (result, health) = (&report.results["adapter"], health.values());
+        assert_eq!(health[4990].flags[0], JointHealth::ENABLED, "it is held");
+        assert_eq!(health[4990].flags[1] & JointHealth::HOMING, JointHealth::HOMING, "this one is under way");
+        assert_eq!(result["joints"]["joint2"]["homing"], "waiting", "{result}");
+        let at = |time: f64| {
+            truth.samples().iter().find(|sample| sample.tick.time() >= time).unwrap().value.position()[0]
+        };
+        (at(5.15) - at(5.9)).abs()
+    };
+    let (held, free) = (moved("hold"), moved("zero_torque"));
+    assert!(held < 0.1 && free > 0.5, "{held} {free}");
+}
+
+#[test]
+fn while_an_arm_is_homed_no_command_is_judged() {
+    let folder = Folder::new("homing-judged", PLANAR);
+    // far beyond all limits
+    let wild = Source::new("commands", "arm/command", |_| {
+        let mut wild = command();
+        wild.velocity_mut().fill(50.0);
+        Some(wild)
+    });
+    let report = bare_graph(&folder, "", "").kind::<CanAdapter>().with(wild).run("2 s").unwrap();
+    let adapter = report.components.iter().find(|component| component.name == "adapter").unwrap();
+    let gate = adapter.gate.as_ref().unwrap();
+    assert_eq!((gate.state, gate.latch, gate.entries), (GateState::Safe, None, 0), "{gate:?}");
+    assert!(gate.limited.is_empty() && gate.refused.is_empty(), "{gate:?}");
 }
 
 #[test]

@@ -29,6 +29,11 @@ fn a_homing_that_its_drive_cannot_be_told_is_refused_with_words() {
         ("protocol = \"moteus\"", "by = \"drive\"", "a homing by the drive, which moteus does not have"),
         ("protocol = \"odrive\"", "by = \"drive\"", "a homing by the drive without `current_limit`"),
         (
+            "protocol = \"cia402\"\nincrements = 65536.0\nrated_torque = 8.0",
+            own,
+            "a homing by the drive without `current_limit`",
+        ),
+        (
             "protocol = \"odrive\"",
             stop,
             "of a drive that follows positions or velocities with all its torque",
@@ -61,7 +66,12 @@ fn a_homing_that_its_drive_cannot_be_told_is_refused_with_words() {
         (
             "protocol = \"damiao\"",
             "by = \"stop\", velocity = 0.0, effort = 1.0, position = 1.0",
-            "a velocity of 0",
+            "`velocity` 0",
+        ),
+        (
+            "protocol = \"damiao\"",
+            &stop.replace("-0.8", "nan"),
+            "a homing with `velocity` -0.5, `effort` 1.2, `position` NaN",
         ),
         (
             "protocol = \"damiao\"",

@@ -14,6 +14,7 @@ mod eds;
 mod fast_read;
 mod faults;
 mod homing;
+mod homing_doubts;
 mod homing_faults;
 mod homing_graph;
 mod homing_tables;

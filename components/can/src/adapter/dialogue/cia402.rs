@@ -129,8 +129,13 @@ impl Cia402 {
     }
 
     pub(super) fn restart(&mut self) {
-        (self.is_started, self.clears, self.state) = (false, CLEARS, DriveState::NotReady);
-        (self.has_position, self.emergency, self.homing) = (false, 0, Stage::None);
+        self.forget();
+        self.clears = CLEARS;
+    }
+
+    pub(super) fn forget(&mut self) {
+        (self.is_started, self.state, self.has_position) = (false, DriveState::NotReady, false);
+        (self.emergency, self.homing) = (0, Stage::None);
     }
 
     pub(super) fn is_from(&self, frame: &Frame) -> bool {

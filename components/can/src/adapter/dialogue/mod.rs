@@ -128,6 +128,15 @@ impl Dialogue {
         }
     }
 
+    /// Forgets what it has been told, as at the start: no fault is cleared.
+    pub(super) fn forget(&mut self) {
+        match self {
+            Self::Mit(_) | Self::Servo(_) | Self::Moteus(_) => {}
+            Self::Odrive(drive) => drive.forget(),
+            Self::Cia402(drive) => drive.forget(),
+        }
+    }
+
     /// Begins to look for its mark.
     pub(super) fn begin_homing(&mut self) {
         match self {

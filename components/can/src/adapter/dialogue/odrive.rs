@@ -21,6 +21,9 @@ const CLEARS: u8 = 4;
 const HOMES_IN: u16 = 2;
 /// Heartbeats after which a procedure that was never seen under way has not begun.
 const SEEN_WITHIN: u8 = 5;
+/// Reports of the position after the end of a homing until one counts from the mark: the first one may have waited for the bus since
+/// before.
+const FROM_ITS_MARK: u8 = 2;
 /// Error of an axis: its watchdog was not fed.
 const WATCHDOG_EXPIRED: u32 = 0x800;
 
@@ -57,7 +60,9 @@ enum Homing {
     Preparing(u16),
     /// It has been asked for, so many heartbeats ago, and been seen under way or not.
     Asked { heartbeats: u8, was_seen: bool },
-    /// It is over.
+    /// It is over, and so many reports of its position have come since.
+    Ended { result: Result<(), HomingFault>, reports: u8 },
+    /// It is over, and what it has reported since counts from its mark.
     Over(Result<(), HomingFault>),
 }
 
@@ -86,8 +91,12 @@ impl Odrive {
     }
 
     pub(super) fn restart(&mut self) {
-        (self.clears, self.begun, self.state) = (CLEARS, 0, State::Disabled);
-        self.homing = Homing::None;
+        self.forget();
+        self.clears = CLEARS;
+    }
+
+    pub(super) fn forget(&mut self) {
+        (self.begun, self.state, self.homing) = (0, State::Disabled, Homing::None);
     }
 
     pub(super) fn begin_homing(&mut self) {
@@ -117,7 +126,7 @@ impl Odrive {
                 limits
             }
             Homing::Asked { .. } => limits,
-            Homing::None | Homing::Over(_) => Instruction::SetState(AxisState::Idle),
+            Homing::None | Homing::Ended { .. } | Homing::Over(_) => Instruction::SetState(AxisState::Idle),
         }
     }
 
@@ -136,7 +145,17 @@ impl Odrive {
             (false, false) if *heartbeats >= SEEN_WITHIN => Err(HomingFault::NotBegun),
             (false, false) => return,
         };
-        self.homing = Homing::Over(over);
+        self.homing = Homing::Ended { result: over, reports: 0 };
+    }
+
+    /// Takes a report of its position.
+    fn count_report(&mut self) {
+        if let Homing::Ended { result, reports } = &mut self.homing {
+            *reports += 1;
+            if *reports >= FROM_ITS_MARK {
+                self.homing = Homing::Over(*result);
+            }
+        }
     }
 
     pub(super) fn is_from(&self, frame: &Frame) -> bool {
@@ -219,6 +238,7 @@ impl Odrive {
             }
             Report::Encoder { position, velocity } => {
                 (self.motion.position, self.motion.velocity) = (position, velocity);
+                self.count_report();
                 Response::Feedback(Feedback {
                     position,
                     velocity,

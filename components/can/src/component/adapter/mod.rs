@@ -9,14 +9,14 @@ mod results;
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
-use motorium::safety::{CommandGate, Measured, Verdict};
+use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
 use motorium::state::{BusHealth, CanFrame};
 use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;
 
 use super::{Equipped, interfaces, limits, load};
 use crate::Frame;
-use crate::adapter::{Adapter, OnTrip, Phase, Setpoint};
+use crate::adapter::{Adapter, Link, OnTrip, Phase, Setpoint};
 use account::BusAccount;
 use config::WhenTripped;
 pub use config::{CanAdapterConfig, JointHealth};
@@ -46,7 +46,7 @@ pub struct CanAdapter {
     order: StepOrder,
     resumes: u32,
     safe: u64,
-    /// Joints are being homed: the gate begins anew when all are.
+    /// Joints are being homed, or not known again yet: the gate begins anew when all are.
     awaits_homing: bool,
 }
 
@@ -244,8 +244,8 @@ impl CanAdapter {
             return;
         }
         if core::mem::take(&mut self.awaits_homing) {
-            // it has judged positions that were not those of the joints
-            self.gate.reset();
+            // its safe state was that of positions that were not those of the joints
+            self.gate.relocate();
         }
         let Self { gate, command, measured, weight, .. } = self;
         let [position, velocity] = measured;
@@ -267,29 +267,41 @@ impl CanAdapter {
                 return;
             }
         }
-        for (joint, setpoint) in self.gate.setpoints().iter().enumerate() {
-            let motorium::safety::JointSetpoint { position, velocity, effort, kp, kd, .. } = *setpoint;
-            self.adapter.set(joint, Setpoint { position, velocity, effort, kp, kd });
-        }
+        apply(&mut self.adapter, &self.gate);
     }
 
-    /// A step in which joints have yet to be homed. The gate tells of an emergency stop and of `motorium resume` then, and its
-    /// setpoints reach no drive.
+    /// A step in which joints have yet to be homed, or some are held and others not known: no command is judged. Joints under way
+    /// let go while the run is stopped, and those that are held take the safe state of the graph until it goes on.
     fn await_homing(&mut self, settling: bool) {
-        if !self.adapter.awaits_homing() {
+        let is_let_go = |link: &Link| link.is_homed() && link.phase() != Phase::Enabled;
+        if self.adapter.links().iter().all(is_let_go) {
             return;
         }
         self.awaits_homing = true;
-        let Self { gate, command, measured: [position, velocity], adapter, clock, .. } = self;
+        let Self { gate, measured: [position, velocity], adapter, clock, .. } = self;
+        for ((link, position), velocity) in adapter.links().iter().zip(&mut *position).zip(&mut *velocity) {
+            (*position, *velocity, _) = link.state();
+        }
+        // where it is not known how all of them lie, their weight is not known
+        let mut weightless = |effort: &mut [f64]| effort.fill(0.0);
         if adapter.has_tripped() {
             gate.trip();
         }
-        gate.check(command, Measured { position, velocity, gravity: &mut |effort| effort.fill(0.0) });
+        gate.withhold(Measured { position, velocity, gravity: &mut weightless });
         let resumes = gate.resumes();
         if core::mem::replace(&mut self.resumes, resumes) != resumes && adapter.has_tripped() {
             adapter.resume();
         }
-        adapter.allow_homing(!settling && !clock.is_settling() && !clock.is_latched());
+        let is_stopped = settling || clock.is_settling() || clock.is_latched() || gate.is_latched();
+        if is_stopped && adapter.allows_homing() {
+            // from where the joints are now
+            gate.relocate();
+            gate.withhold(Measured { position, velocity, gravity: &mut weightless });
+        }
+        adapter.allow_homing(!is_stopped);
+        if is_stopped {
+            apply(adapter, gate);
+        }
     }
 
     fn publish_health(&mut self, tick: &Tick) -> Result<(), StepError> {
@@ -317,5 +329,13 @@ impl CanAdapter {
             health.temperature[i] = link.temperature().unwrap_or(0.0);
         }
         health.publish()
+    }
+}
+
+/// Commands the setpoints of the gate.
+fn apply(adapter: &mut Adapter, gate: &CommandGate) {
+    for (joint, setpoint) in gate.setpoints().iter().enumerate() {
+        let JointSetpoint { position, velocity, effort, kp, kd, .. } = *setpoint;
+        adapter.set(joint, Setpoint { position, velocity, effort, kp, kd });
     }
 }
