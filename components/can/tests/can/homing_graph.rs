@@ -98,11 +98,8 @@ fn an_arm_is_homed_in_a_graph_before_its_state_is_published_and_then_follows_its
 fn an_emergency_stop_interrupts_a_homing() {
     let folder = Folder::new("homing-stopped", PLANAR);
     let truth = Probe::<JointState>::of("arm/true_state");
-    let stop = Source::new("button", "button", |tick| {
-        let mut stop = EmergencyStop::default();
-        stop.stop = u64::from(tick.time() > 1.0);
-        Some(stop)
-    });
+    let stop =
+        Source::new("button", "button", |tick| Some(EmergencyStop { stop: u64::from(tick.time() > 1.0) }));
     let safety = "emergency_stop = \"button\"";
     let report = graph(&folder, "", safety).with(stop).with(&truth).run("3 s").unwrap();
     let (result, drives) = (&report.results["adapter"], &report.results["drives"]["drives"]);
