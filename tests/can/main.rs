@@ -5,6 +5,8 @@
 //! the network, each test says that it was not run.
 
 mod adapters;
+mod ends;
+mod often;
 mod twelve;
 
 use std::collections::BTreeMap;
@@ -68,6 +70,8 @@ fn run() -> Option<Machine> {
     // a longer run of the twelve joints: `MOTORIUM_CAN_SECONDS=60 cargo only can`
     let seconds = std::env::var("MOTORIUM_CAN_SECONDS").unwrap_or_else(|_| "5".to_string());
     std::fs::write(graphs.join("seconds"), seconds).expect("a file");
+    // more deaths of the adapter: `MOTORIUM_CAN_KILLS=100 cargo only can often`
+    std::fs::write(graphs.join("kills"), often::kills().to_string()).expect("a file");
     let put = |from: &Path, to: &str| format!("{}:{to}", from.display());
     let output = Command::new("bash")
         .arg(here.join("can/vm.sh"))
@@ -184,6 +188,19 @@ fn a_duplicate_answer_is_counted_and_trips_nothing() {
         (0, &Value::from(false)),
         "{adapter}"
     );
+}
+
+#[test]
+fn answers_of_a_second_drive_with_the_same_number_are_counted_and_not_taken() {
+    let Some(row) = row("twin") else { return };
+    let adapter = &row.results()["adapter"];
+    let joint = &adapter["joints"]["panda_joint4"];
+    // each cycle of half a second has one too many
+    let second = number(&joint["duplicate_replies"]) + number(&joint["late_replies"]);
+    assert!(second > 100, "{adapter}");
+    assert_eq!(number(&joint["missing_replies"]), 0, "{adapter}");
+    // taken for its position, one of them would be a jump of a third of a radian that no gate lets pass
+    assert_eq!(adapter["tripped"], false, "{adapter}");
 }
 
 #[test]

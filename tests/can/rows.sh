@@ -40,6 +40,7 @@ row() {
 row silent 'kind = "silent", joint = "panda_joint4"'
 row late 'kind = "late", delay = "3 ms", joint = "panda_joint4"'
 row duplicate 'kind = "duplicate", joint = "panda_joint4"'
+row twin 'kind = "twin", joint = "panda_joint4"'
 row wrong_length 'kind = "wrong_length", joint = "panda_joint4"'
 row corrupt 'kind = "corrupt", joint = "panda_joint4"'
 row off 'kind = "off", lasts = "50 ms", joint = "panda_joint4"'
@@ -95,6 +96,26 @@ begin controller_stopped --for 1s --set component.controller.on_failure='"ignore
 sleep 0.3
 motorium kill arm-can controller --signal stop
 finish
+
+# The adapter killed, and hung, again and again: it is started anew each time, and leads the drives back.
+for fault in kill stop; do
+    kills=$(cat /graphs/kills)
+    begin "adapter_${fault}_often" --for "$((20 * kills + 30))s" \
+        --set component.adapter.restart="{ when = \"failure\", at_most = $((kills + 1)), window = \"1000 s\" }" \
+        --set component.adapter.hang_after='"100 ms"'
+    for count in $(seq "$kills"); do
+        motorium kill arm-can adapter --signal $fault >>killed 2>&1
+        # the pause before a restart grows with each of them
+        for _ in $(seq 200); do
+            [ "$(grep -c 'steps again' errors)" -ge "$count" ] && break
+            sleep 0.1
+        done
+        # its drives are checked and enabled meanwhile
+        sleep 0.3
+    done
+    kill -INT $run
+    finish
+done
 
 begin launcher_killed --for 5s
 motorium can log vcan0 --output traffic &

@@ -8,6 +8,8 @@
 # run by sh with its standard output and error; programs among the files bring their libraries along. The exit code is that of
 # SCRIPT; 124 if it took too long; 125, and a reason, if there was no machine to run it on.
 #
+# The machine ends with the program that started this script, even if that is killed.
+#
 # Needs Debian's apt-get, dpkg-deb and xz. The kernel and, where there is none, the emulator are downloaded once, about 90 MB,
 # into $MOTORIUM_VM_CACHE, by default ~/.cache/motorium-vm.
 set -euo pipefail
@@ -25,7 +27,7 @@ while [[ ${1-} == --* ]]; do
 done
 script=${1:?the script to run}
 
-for tool in apt-get dpkg-deb xz ldd timeout; do
+for tool in apt-get dpkg-deb xz ldd; do
     command -v "$tool" >/dev/null || cannot "\`$tool\` is missing"
 done
 [[ $(uname -m) == x86_64 ]] || cannot "the kernel is one for x86_64"
@@ -132,13 +134,32 @@ machine=(-M q35 -cpu max -smp 1 -m "$memory" -nodefaults -no-user-config -no-reb
     -icount shift=0,sleep=off -rtc base=2026-01-01,clock=vm -seed 1
     -serial "file:$work/console" -serial "file:$work/out" -serial "file:$work/errors" -serial "file:$work/code")
 arguments="console=ttyS0 quiet panic=-1 tsc=reliable nokaslr nolapic_timer random.trust_cpu=on cryptomgr.notests=1"
+"${emulator[@]}" "${machine[@]}" -append "$arguments" </dev/null >"$work/emulator" 2>&1 &
+emulator_pid=$!
+trap 'kill -9 "$emulator_pid" 2>/dev/null || true; rm -rf "$work"' EXIT
+trap 'exit 143' TERM
+trap 'exit 130' INT
+trap 'exit 129' HUP
+# The machine ends with its time limit, with whoever started this script, and with this script, however they are ended.
+watch() {
+    local end=$((SECONDS + limit)) state parent
+    while kill -0 "$emulator_pid" 2>/dev/null; do
+        read -r _ _ state parent _ <"/proc/$$/stat" 2>/dev/null || break
+        [[ $state == Z || $parent != "$PPID" ]] && break
+        ((SECONDS < end)) || { : >"$work/late"; break; }
+        sleep 0.5
+    done
+    kill -9 "$emulator_pid" 2>/dev/null || true
+    # where the script was killed nobody else removes it
+    [[ -e /proc/$$ ]] || rm -rf "$work"
+}
+watch </dev/null >/dev/null 2>&1 &
 status=0
-timeout -k 5 "$limit" "${emulator[@]}" "${machine[@]}" -append "$arguments" </dev/null >"$work/emulator" 2>&1 \
-    || status=$?
+wait "$emulator_pid" || status=$?
 cat "$work/out"
 cat "$work/errors" >&2
 code=$(sed -n 's/^code \([0-9]*\).*/\1/p' "$work/code")
 [[ $code ]] && exit "$code"
-[[ $status == 124 || $status == 137 ]] && { echo "no end within $limit s" >&2; exit 124; }
+[[ -e $work/late ]] && { echo "no end within $limit s" >&2; exit 124; }
 tail -n 20 "$work/console" "$work/emulator" >&2 || true
 cannot "it ended without a result ($status)"

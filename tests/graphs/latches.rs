@@ -8,7 +8,7 @@ use motorium::region::{GateState, Latch};
 use rustix::process::Signal;
 
 use crate::commands::{ROGUE, await_gate, gate, gate_of, motorium, rogue};
-use crate::support::{Ended, Run, machine, panda_reach, signal, workspace};
+use crate::support::{Ended, Run, await_that, kill, machine, panda_reach, signal, workspace};
 
 #[test]
 fn a_stop_now_works_while_the_launcher_is_stopped_and_lasts_until_resume() {
@@ -104,6 +104,47 @@ fn an_adapter_that_a_drive_has_tripped_is_latched_until_one_resume() {
         (&false.into(), &1.into()),
         "{adapter}"
     );
+}
+
+#[test]
+fn a_restarted_adapter_homes_no_joint_under_latch_before_it_is_resumed() {
+    let _machine = machine();
+    let drives = std::fs::read_to_string(workspace().join("graphs/drives/panda.toml")).expect("a table");
+    let wrist = "ranges   = { position = 2.9, velocity = 2.7, torque = 12.1 }";
+    let homing = r#"ranges = { position = 6.0, velocity = 2.7, torque = 12.1 }
+homing = { by = "stop", velocity = 1.5, effort = 2.0, position = 2.8973, back_off = 0.1 }"#;
+    assert!(drives.contains(wrist));
+    let folder = tempfile::tempdir().expect("a folder");
+    let table = folder.path().join("drives.toml");
+    std::fs::write(&table, drives.replace(wrist, homing)).expect("it can be written");
+    let of = |component: &str| format!("component.{component}.config.drives=\"{}\"", table.display());
+    let settings = [
+        of("adapter"),
+        of("drives"),
+        "component.adapter.restart.when=failure".into(),
+        "component.adapter.restart.within=60 s".into(),
+        "safety.resume=latch".into(),
+    ];
+    let arguments = settings.iter().flat_map(|one| ["--set", one]).chain(["--for", "3600 s"]);
+    let arguments: Vec<&str> = arguments.collect();
+    for is_resumed in [false, true] {
+        // in lockstep: no stall of the machine is taken for an outage
+        let run = Run::start(&workspace().join("graphs/panda-can-sim.toml"), &arguments);
+        kill(run.pid_of("adapter"));
+        await_that("it is latched", || gate_of(&run, "adapter").latch == Some(Latch::SafeState));
+        if is_resumed {
+            let (code, text) = motorium(&run, &["resume"]);
+            assert_eq!(code, Some(0), "{text}");
+        }
+        let steps = run.steps_of("adapter");
+        await_that("it has time to begin", || run.steps_of("adapter") > steps + 500);
+        assert_eq!(gate_of(&run, "adapter").latch.is_none(), is_resumed);
+        assert_eq!(motorium(&run, &["stop"]).0, Some(0));
+        let ended = run.finish();
+        let adapter = &ended.report().results["adapter"];
+        let is_waiting = adapter["joints"]["panda_joint7"]["homing"] == "waiting";
+        assert_eq!(is_waiting, !is_resumed, "{adapter}");
+    }
 }
 
 #[test]

@@ -65,13 +65,13 @@ pub enum CalibrationError {
 const LISTEN: Duration = Duration::from_millis(300);
 /// Time from one question to the next.
 const CYCLE: Duration = Duration::from_millis(10);
-/// Cycles for which drives are waited for: they are checked meanwhile.
-const PATIENCE: u32 = 300;
+/// Cycles within which each drive must have answered: they are checked meanwhile.
+const ANSWER_TIMEOUT: u32 = 300;
 /// Largest difference of two positions of a joint that stands still, rad or m.
 const STILL: f64 = 0.05;
 
 /// Measures the offsets of all drives for `time`, while the robot is held at `pose` \[rad or m\], which has a position for each of
-/// `joints`. No drive is enabled. `pass` lets time pass on `buses`, those of the table in its order, and returns the time, ns.
+/// `joints`; those that are homed are left out. No drive is enabled. `pass` lets time pass on `buses`, those of the table in its order, and returns the time, ns.
 ///
 /// # Errors
 /// A drive is commanded by another program, is set otherwise than the table says, does not answer, or moves.
@@ -128,7 +128,7 @@ pub fn calibrate<B: Bus>(
         }
         let silent = adapter.links().iter().position(|link| link.received_ns().is_none());
         match silent {
-            Some(joint) if waited >= PATIENCE => {
+            Some(joint) if waited >= ANSWER_TIMEOUT => {
                 return Err(CalibrationError::Silent { joint: joints[joint].clone() });
             }
             Some(_) => waited += 1,
@@ -140,7 +140,9 @@ pub fn calibrate<B: Bus>(
             }
         }
     }
-    let result = taken.iter().enumerate().map(|(index, taken)| {
+    // the offset of a joint that is homed is that of its mark, and its encoder counts from anywhere
+    let is_measured = |(index, _): &(usize, &Taken)| !table.drives[order[*index]].is_homed();
+    let result = taken.iter().enumerate().filter(is_measured).map(|(index, taken)| {
         let (joint, before) = (joints[index].clone(), table.transmission(order[index]).offset);
         let (position, spread) = (taken.sum / taken.count.max(1) as f64, taken.most - taken.least);
         if spread > STILL {

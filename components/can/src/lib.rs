@@ -41,9 +41,9 @@ pub use drives::{cia402, damiao, dynamixel, feetech, mit, moteus, odrive, servo}
 pub use frame::{DecodeError, Form, Frame, Id};
 pub use scan::{Device, DeviceKind, Found, scan};
 pub use scan_servos::{SPEEDS as SERVO_SPEEDS, ServoFound, scan_servos};
-pub use simulated_drive::{AnySimulatedDrive, Overrides, SimulatedDrive};
+pub use simulated_drive::{AnySimulatedDrive, Mark, Overrides, SimulatedDrive};
 pub use table::{
-    BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry, Table, TableError,
-    Transmission,
+    BusEntry, BusKind, ControlMode, DriveEntry, HomingBy, HomingEntry, HomingProcedure, LoopEntry, Protocol,
+    RangeEntry, Table, TableError, Transmission,
 };
 pub use traffic::{Listener, Record, RecordError, Sender};

@@ -165,9 +165,9 @@ fn damiao(frame: &Frame) -> Option<Device> {
     let (mut watchdog_ns, mut ranges) = (None, [None; 3]);
     match (register, value) {
         (_, Value::Watchdog(time)) => watchdog_ns = Some(time.unwrap_or(0)),
-        (Register::PositionMax, Value::Range(max)) => ranges[0] = Some(max),
-        (Register::VelocityMax, Value::Range(max)) => ranges[1] = Some(max),
-        (_, Value::Range(max)) => ranges[2] = Some(max),
+        (Register::PositionMax, Value::Number(max)) => ranges[0] = Some(max),
+        (Register::VelocityMax, Value::Number(max)) => ranges[1] = Some(max),
+        (_, Value::Number(max)) => ranges[2] = Some(max),
     }
     Some(Device { node: *node, kind: DeviceKind::Damiao { master, watchdog_ns, ranges } })
 }
@@ -184,7 +184,8 @@ fn heartbeat(frame: &Frame) -> Option<Device> {
             if id & 0x1f == 1 && result < 0x10 && encoder < 2 && flags & 0x7e == 0 =>
         {
             let node = (id >> 5) as u8;
-            let Report::Heartbeat { error: errors, state } = odrive::Node::new(node)?.report(frame).ok()?
+            let Report::Heartbeat { error: errors, state, .. } =
+                odrive::Node::new(node)?.report(frame).ok()?
             else {
                 return None;
             };

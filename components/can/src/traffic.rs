@@ -1,18 +1,17 @@
 //! The traffic of buses as people read, write and keep it: lines in the format of `candump -L`.
 
+mod listener;
+
 use core::fmt;
 use core::str::FromStr;
-use core::time::Duration;
-use std::io;
-use std::os::fd::AsFd as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use socketcan::dump::{CanDumpRecord, Reader};
-use socketcan::{CanAnyFrame, CanFdSocket, EmbeddedFrame as _, Frame as _, Socket as _, SocketOptions as _};
+use socketcan::{CanAnyFrame, EmbeddedFrame as _, Frame as _};
 
-use crate::bus::socket::look_up;
-use crate::{Form, Frame, Id, OpenError, Report};
+use crate::bus::time::monotonic_ns;
+use crate::{Form, Frame, Id, Received, Report};
+pub use listener::{Listener, Sender};
 
 /// One line of traffic: when, where, and what.
 ///
@@ -71,6 +70,35 @@ impl Record {
         line.parse().map_err(|error: RecordError| RecordError { found: frame.to_string(), ..error })
     }
 
+    /// A frame of a simulated bus; `None` for a packet of servos.
+    fn of_simulated(name: &str, received: &Received) -> Option<Self> {
+        let Received { frame, time_ns } = received;
+        let mut text = match frame.id {
+            Id::Standard(id) => format!("{id:03X}#"),
+            Id::Extended(id) => format!("{id:08X}#"),
+        };
+        text += match frame.form {
+            Form::Classic => "",
+            Form::Fd => "#0",
+            Form::FdFast => "#1",
+            Form::Packet => return None,
+        };
+        frame.data().iter().for_each(|byte| text += &format!("{byte:02X}"));
+        let mut record = Self::of_frame(&text, name).ok()?;
+        record.0.t_us = since_1970_of_ns(*time_ns);
+        Some(record)
+    }
+
+    /// A report of the controller of a simulated bus, at present.
+    fn of_report(name: &str, report: &Report) -> Option<Self> {
+        let (classes, data) = report.encode();
+        let mut text = format!("{:08X}#", libc::CAN_ERR_FLAG | classes & libc::CAN_ERR_MASK);
+        data.iter().for_each(|byte| text += &format!("{byte:02X}"));
+        let mut record = Self::of_frame(&text, name).ok()?;
+        record.0.t_us = since_1970_us(SystemTime::now());
+        Some(record)
+    }
+
     /// Time, us since 1970, or since whatever the log counts from.
     pub fn time_us(&self) -> u64 {
         self.0.t_us
@@ -123,108 +151,14 @@ impl fmt::Display for Record {
     }
 }
 
-/// Listeners on interfaces, for tools: they wait, and may allocate.
-pub struct Listener {
-    sockets: Vec<(String, CanFdSocket)>,
-}
-
-impl Listener {
-    /// Listens on these interfaces.
-    ///
-    /// # Errors
-    /// One is missing or down, or the kernel refuses.
-    pub fn open<'a>(interfaces: impl IntoIterator<Item = &'a str>) -> Result<Self, OpenError> {
-        let open = |name: &str| {
-            let refused = |error| OpenError::Refused(name.to_string(), error);
-            look_up(name)?;
-            let socket = CanFdSocket::open(name).map_err(refused)?;
-            socket.set_nonblocking(true).map_err(refused)?;
-            socket.set_error_filter_accept_all().map_err(refused)?;
-            socket.set_recv_timestamp(true).map_err(refused)?;
-            Ok((name.to_string(), socket))
-        };
-        Ok(Self { sockets: interfaces.into_iter().map(open).collect::<Result<_, _>>()? })
-    }
-
-    /// The next record, if one comes within `timeout`.
-    ///
-    /// # Errors
-    /// An interface went down or away.
-    pub fn next(&self, timeout: Duration) -> io::Result<Option<Record>> {
-        if let Some(record) = self.take()? {
-            return Ok(Some(record));
-        }
-        let mut polled: Vec<PollFd<'_>> = self
-            .sockets
-            .iter()
-            .map(|(_, socket)| PollFd::from_borrowed_fd(socket.as_fd(), PollFlags::IN))
-            .collect();
-        let timeout = Timespec { tv_sec: timeout.as_secs() as i64, tv_nsec: timeout.subsec_nanos().into() };
-        match poll(&mut polled, Some(&timeout)) {
-            Ok(_) | Err(rustix::io::Errno::INTR) => self.take(),
-            Err(error) => Err(error.into()),
-        }
-    }
-
-    fn take(&self) -> io::Result<Option<Record>> {
-        for (name, socket) in &self.sockets {
-            match socket.read_frame_with_timestamp() {
-                Ok((frame, time)) => {
-                    let t_us = since_1970_us(time);
-                    return Ok(Some(Record(CanDumpRecord {
-                        t_us,
-                        device: name.clone(),
-                        frame,
-                        direction: None,
-                    })));
-                }
-                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
-                Err(error) => return Err(io::Error::new(error.kind(), format!("`{name}`: {error}"))),
-            }
-        }
-        Ok(None)
-    }
+/// A time on the monotonic clock, us since 1970.
+fn since_1970_of_ns(time_ns: u64) -> u64 {
+    let ago_ns = monotonic_ns().saturating_sub(time_ns);
+    since_1970_us(SystemTime::now()).saturating_sub(ago_ns / 1000)
 }
 
 fn since_1970_us(time: SystemTime) -> u64 {
     time.duration_since(UNIX_EPOCH).map_or(0, |since| u64::try_from(since.as_micros()).unwrap_or(u64::MAX))
-}
-
-/// A sender of records, for tools.
-pub struct Sender {
-    name: String,
-    socket: CanFdSocket,
-}
-
-impl Sender {
-    /// Sends on an interface.
-    ///
-    /// # Errors
-    /// It is missing or down, or the kernel refuses.
-    pub fn open(name: &str) -> Result<Self, OpenError> {
-        look_up(name)?;
-        let socket = CanFdSocket::open(name).map_err(|error| OpenError::Refused(name.to_string(), error))?;
-        Ok(Self { name: name.to_string(), socket })
-    }
-
-    /// Sends the frame of a record, whatever interface it came from.
-    ///
-    /// # Errors
-    /// The interface does not take it; the error says what that means.
-    pub fn send(&self, record: &Record) -> io::Result<()> {
-        self.socket.write_frame(&record.0.frame).map_err(|error| {
-            let name = &self.name;
-            let why = match error.raw_os_error() {
-                Some(libc::ENOBUFS) => format!(
-                    "the queue of `{name}` is full: nobody acknowledges (power, bitrate, termination?), or it is sent too fast"
-                ),
-                Some(libc::ENETDOWN) => format!("`{name}` went down: `sudo ip link set {name} up`"),
-                Some(libc::EINVAL) => format!("`{name}` does not take this frame: CAN FD on a classic interface?"),
-                _ => format!("`{name}`: {error}"),
-            };
-            io::Error::new(error.kind(), why)
-        })
-    }
 }
 
 #[cfg(test)]

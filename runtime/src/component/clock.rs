@@ -72,6 +72,13 @@ impl RunClock {
         self.context.clock().start_ns().saturating_add(time_ns)
     }
 
+    /// True while the run is latched, by `motorium stop --now` or an emergency stop: a motion that no command gate judges, such as
+    /// the homing of a drive, stops then.
+    #[inline]
+    pub fn is_latched(&self) -> bool {
+        self.context.region().header().latched().is_some()
+    }
+
     /// True if the run has ended by now, and actuators take their safe state: [`Tick::settling`] tells it as of the
     /// beginning of the step, which matters where a step waits for what others do.
     #[inline]

@@ -188,6 +188,33 @@ impl CommandGate {
         (self.offered, self.stepped_ns, self.checked_ns, self.shown) = (None, 0, 0, None);
     }
 
+    /// True while it keeps the safe state until `motorium resume` under `resume = "latch"`, such as after a restart of the actuator: a
+    /// motion that it does not judge, such as the homing of a drive, waits until then.
+    pub fn is_latched(&self) -> bool {
+        self.gate.is_latched()
+    }
+
+    /// Begins anew with joints of which it was not known where they were, such as after a homing. As [`reset`](Self::reset), but a
+    /// latch stays.
+    pub fn relocate(&mut self) {
+        let latched = self.gate.is_latched();
+        self.reset();
+        if latched {
+            self.gate.latch();
+        }
+    }
+
+    /// Sets the [`setpoints`](Self::setpoints) of the safe state, whatever is commanded: a step in which no command may be judged, for
+    /// it is not known where the joints are. An emergency stop and `motorium resume` are seen. Call it instead of
+    /// [`check`](Self::check).
+    pub fn withhold(&mut self, measured: Measured<'_>) -> Verdict {
+        let dt = self.step_time();
+        let latch = self.latch();
+        let verdict = self.gate.make_safe(measured, dt);
+        self.show(latch, verdict);
+        verdict
+    }
+
     /// Checks the newest command, and sets the [`setpoints`](Self::setpoints) of this step. Call it once a step.
     pub fn check(&mut self, input: &mut Input<JointCommand>, measured: Measured<'_>) -> Verdict {
         let dt = self.step_time();

@@ -2,6 +2,7 @@
 
 mod bench;
 mod book;
+mod can;
 mod check;
 mod commands;
 mod couple;

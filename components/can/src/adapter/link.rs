@@ -1,34 +1,12 @@
 //! One drive as the adapter sees it.
 
-use super::dialogue::{Dialogue, Heard, Order};
-use super::{OnTrip, Phase, Setpoint, WrongSetting};
+use super::dialogue::{Dialogue, Order, Response};
+use super::homing::{Homing, HomingFault, HomingState};
+use super::{Counts, OnTrip, Phase, Setpoint, WrongSetting};
 use crate::bus::bits::{Bits, Rates};
 use crate::frame::{DecodeError, Frame};
 use crate::mit::{self, Ranges, State};
 use crate::table::{Table, Transmission};
-
-/// Counts of one drive.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
-    /// Frames that were not answered before its first answer: it was waited for.
-    pub awaited: u64,
-    /// Frames since then that were not answered before the next one was sent.
-    pub missing: u64,
-    /// Answers to an earlier frame than the last.
-    pub late: u64,
-    /// Answers beyond the first to one frame.
-    pub duplicate: u64,
-    /// Frames of it that could not be decoded.
-    pub refused: u64,
-    /// Commands of which a field lay beyond its range.
-    pub clamped: u64,
-    /// Times that it was lost.
-    pub lost: u64,
-    /// The cycle in which it was lost last, from 1.
-    pub lost_in: Option<u64>,
-    /// Times that it reported a fault.
-    pub faults: u64,
-}
 
 /// One drive as the adapter sees it.
 #[derive(Clone, Debug)]
@@ -40,6 +18,9 @@ pub struct Link {
     pub(super) phase: Phase,
     /// Damping of its joint when the adapter has tripped.
     pub(super) damping: f64,
+    /// Position gain of its joint while it is held before its first command.
+    pub(super) stiffness: f64,
+    pub(super) homing: Option<Homing>,
     pub(super) setpoint: Setpoint,
     /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
     pub(super) asked_by: Option<usize>,
@@ -78,6 +59,8 @@ impl Link {
             bus,
             phase: Phase::Disabled,
             damping,
+            stiffness: 0.0,
+            homing: entry.homing.as_ref().filter(|_| entry.is_homed()).map(Homing::of),
             setpoint: Setpoint::default(),
             asked_by: None,
             asked: false,
@@ -152,7 +135,23 @@ impl Link {
     pub(super) fn start(&mut self) {
         self.phase = if self.dialogue.checks() > 0 { Phase::Checking(0) } else { Phase::Disabled };
         (self.fresh, self.fault) = (false, None);
+        // one that does not tell its state may have lost its power meanwhile
+        if let Some(homing) = &mut self.homing
+            && !(homing.state == HomingState::Homed && self.dialogue.tells_its_state())
+        {
+            homing.forget();
+        }
         (self.owed, self.is_probed, self.is_behind) = (0, false, false);
+    }
+
+    /// Begins anew with a drive that is let go, and has lost what it was told, or may have: its settings are checked again.
+    pub(super) fn begin_anew(&mut self) {
+        if matches!(self.phase, Phase::Disabled | Phase::Checking(_)) {
+            self.dialogue.forget();
+            self.start();
+            // where it was says nothing about where it is
+            self.received_ns = None;
+        }
     }
 
     /// Takes a frame of it that was received at `time_ns`.
@@ -164,21 +163,25 @@ impl Link {
             Phase::Checking(setting) => Some(setting),
             _ => None,
         };
-        let heard = self.dialogue.read(checking, frame)?;
-        self.is_found |= matches!(heard, Heard::Setting(_) | Heard::Feedback(_));
-        Ok(match heard {
-            Heard::Setting(wrong) => {
+        let response = self.dialogue.read(checking, frame)?;
+        self.is_found |= matches!(response, Response::Setting(_) | Response::Feedback(_));
+        Ok(match response {
+            Response::Setting(wrong) => {
                 self.answered = true;
                 if let (None, Some(setting)) = (wrong, checking) {
                     let next = setting + 1;
                     let is_last = next >= self.dialogue.checks();
                     self.phase = if is_last { Phase::Disabled } else { Phase::Checking(next) };
                 }
-                Taken { trips: false, wrong }
+                Taken { wrong, ..Taken::default() }
             }
-            Heard::State(state) => Taken { trips: self.follow(state), wrong: None },
-            Heard::Aside => Taken::default(),
-            Heard::Feedback(feedback) => {
+            Response::State(state) => Taken { trips: self.follow(state), ..Taken::default() },
+            Response::Restarted => {
+                self.forget_homing();
+                Taken { trips: self.follow_restart(), has_restarted: true, wrong: None }
+            }
+            Response::Other => Taken::default(),
+            Response::Feedback(feedback) => {
                 if !self.sort(time_ns) {
                     return Ok(Taken::default());
                 }
@@ -188,7 +191,7 @@ impl Link {
                 self.velocity = feedback.velocity / self.gear.ratio;
                 self.effort = feedback.torque * self.gear.ratio;
                 self.temperature = feedback.temperature;
-                Taken { trips: self.follow(feedback.state), wrong: None }
+                Taken { trips: self.follow(feedback.state), ..Taken::default() }
             }
         })
     }
@@ -264,13 +267,16 @@ impl Link {
                 self.command(Setpoint { kd: self.damping, ..Setpoint::default() })
             }
             (_, Phase::Checking(setting)) => Order::Check(setting),
-            (_, Phase::Disabled | Phase::Fault) | (Some(_), Phase::Enabling) => Order::Disable,
+            (_, Phase::Disabled | Phase::Fault) | (Some(_), Phase::Enabling | Phase::Homing) => {
+                Order::Disable
+            }
+            (None, Phase::Homing) => self.homing_order(),
             (None, Phase::Enabling) => Order::Enable,
             (None, Phase::Enabled) => self.command(self.setpoint),
         }
     }
 
-    fn command(&self, setpoint: Setpoint) -> Order {
+    pub(super) fn command(&self, setpoint: Setpoint) -> Order {
         let (ratio, square) = (self.gear.ratio, self.gear.ratio * self.gear.ratio);
         Order::Follow(mit::Command {
             position: self.gear.to_drive(setpoint.position),
@@ -296,11 +302,33 @@ impl Link {
         self.counts.clamped += u64::from(is_clamped);
     }
 
+    /// True while the adapter leads it to its stop.
+    fn is_led(&self) -> bool {
+        self.homing.as_ref().and_then(|homing| homing.stop.as_ref()).is_some_and(|stop| stop.is_enabled)
+    }
+
+    /// Enters that it has started by itself; whether that trips the adapter: it does unless it is let go.
+    fn follow_restart(&mut self) -> bool {
+        let lets_go = matches!(self.phase, Phase::Homing | Phase::Enabling | Phase::Enabled);
+        if self.phase == Phase::Homing {
+            self.end_homing(HomingState::Failed(HomingFault::LetGo));
+        }
+        if lets_go {
+            self.phase = Phase::Fault;
+            self.counts.faults += 1;
+        }
+        lets_go
+    }
+
     /// A state that it reports; whether that trips the adapter.
     pub(super) fn follow(&mut self, state: State) -> bool {
         match (state, self.phase) {
             (State::Fault(fault), phase) => {
                 let is_new = phase != Phase::Fault;
+                self.forget_homing();
+                if phase == Phase::Homing {
+                    self.end_homing(HomingState::Failed(HomingFault::Drive));
+                }
                 (self.phase, self.fault) = (Phase::Fault, Some(fault));
                 self.counts.faults += u64::from(is_new);
                 is_new
@@ -309,8 +337,21 @@ impl Link {
                 self.phase = Phase::Enabled;
                 false
             }
+            (State::Enabled | State::Unknown, Phase::Homing) => {
+                if let Some(stop) = self.homing.as_mut().and_then(|homing| homing.stop.as_mut()) {
+                    stop.is_enabled = true;
+                }
+                false
+            }
+            (State::Disabled, Phase::Homing) if self.is_led() => {
+                self.end_homing(HomingState::Failed(HomingFault::LetGo));
+                self.phase = Phase::Fault;
+                self.counts.faults += 1;
+                true
+            }
             // It let go by itself: its power was cut, or its watchdog acted unseen.
             (State::Disabled, Phase::Enabled) => {
+                self.forget_homing();
                 self.phase = Phase::Fault;
                 self.counts.faults += 1;
                 true
@@ -325,6 +366,8 @@ impl Link {
 pub(super) struct Taken {
     /// The adapter trips.
     pub(super) trips: bool,
+    /// It knows nothing of before.
+    pub(super) has_restarted: bool,
     /// A setting that is not that of the table.
     pub(super) wrong: Option<WrongSetting>,
 }

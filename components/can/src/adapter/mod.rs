@@ -10,7 +10,9 @@
 //! counts as lost. If none comes, the one answer was lost, and the drive goes on.
 
 mod common_answer;
+mod counts;
 mod dialogue;
+mod homing;
 mod link;
 mod rounding;
 mod setting;
@@ -20,8 +22,10 @@ use crate::cia402;
 use crate::frame::{DecodeError, Frame};
 use crate::table::Table;
 use common_answer::CommonAnswer;
+pub use counts::Counts;
 use dialogue::{Dialogue, Order, Servo};
-pub use link::{Counts, Link};
+pub use homing::{HomingFault, HomingState};
+pub use link::Link;
 pub use setting::WrongSetting;
 
 /// Cycles of silence after which a drive counts as lost.
@@ -45,6 +49,8 @@ pub enum Phase {
     Checking(u8),
     /// It is disabled; its settings are right.
     Disabled,
+    /// Its joint is moved to the mark from which its position is known.
+    Homing,
     /// It has been asked to follow commands.
     Enabling,
     /// It follows commands.
@@ -78,6 +84,8 @@ pub struct Adapter {
     tripped: bool,
     /// No drive is ever enabled.
     is_observer: bool,
+    is_homing_allowed: bool,
+    cycle_ns: u64,
     cycles: u64,
     stray: u64,
     enabled_in: Option<u64>,
@@ -96,6 +104,8 @@ impl Adapter {
             on_trip,
             tripped: false,
             is_observer: false,
+            is_homing_allowed: true,
+            cycle_ns: 1_000_000,
             cycles: 0,
             stray: 0,
             enabled_in: None,
@@ -107,6 +117,14 @@ impl Adapter {
     #[must_use]
     pub fn observer(self) -> Self {
         Self { is_observer: true, ..self }
+    }
+
+    /// The same, with the position gain of each joint while it is held, between its homing and its first command. Default none: it
+    /// is damped.
+    #[must_use]
+    pub fn with_stiffness(mut self, stiffness: &[f64]) -> Self {
+        self.links.iter_mut().zip(stiffness).for_each(|(link, stiffness)| link.stiffness = *stiffness);
+        self
     }
 
     /// The drives, in the order of the joints.
@@ -173,6 +191,9 @@ impl Adapter {
             match link.take(frame, *time_ns) {
                 Ok(taken) => {
                     self.tripped |= taken.trips;
+                    if taken.has_restarted && !self.tripped {
+                        link.begin_anew();
+                    }
                     if let Some(wrong) = taken.wrong {
                         self.wrong.get_or_insert((index, wrong));
                     }
@@ -207,18 +228,26 @@ impl Adapter {
             }
             if is_missing
                 && link.silent == LOST_AFTER
-                && matches!(link.phase, Phase::Enabled | Phase::Enabling)
+                && matches!(link.phase, Phase::Homing | Phase::Enabled | Phase::Enabling)
             {
                 link.lose(self.cycles);
                 self.tripped = true;
             }
+            if link.silent >= LOST_AFTER {
+                link.forget_homing();
+                // once it has tripped a person decides, and all are checked again
+                if !self.tripped {
+                    link.begin_anew();
+                }
+            }
             link.answered &= link.is_probed;
             link.asked = false;
         }
+        self.advance_homing();
         let ready = |link: &Link| match link.phase {
-            Phase::Disabled => link.fresh && link.silent == 0,
-            Phase::Enabling | Phase::Enabled => true,
-            Phase::Checking(_) | Phase::Fault => false,
+            Phase::Disabled => link.fresh && link.silent == 0 && link.is_homed(),
+            Phase::Enabling | Phase::Enabled => link.is_homed(),
+            Phase::Checking(_) | Phase::Homing | Phase::Fault => false,
         };
         if !self.tripped && !self.is_observer && self.links.iter().all(ready) {
             for link in self.links.iter_mut().filter(|link| link.phase == Phase::Disabled) {
@@ -243,8 +272,9 @@ impl Adapter {
         }
     }
 
-    /// Tells drives that interpolate between two commands the time between them. Default 1 ms.
+    /// Sets the time of a cycle, over which some drives interpolate, and from which the time of a homing follows. Default 1 ms.
     pub fn set_cycle(&mut self, cycle_ns: u64) {
+        self.cycle_ns = cycle_ns;
         for link in &mut self.links {
             if let Dialogue::Cia402(drive) = &mut link.dialogue {
                 drive.set_cycle(cycle_ns);
@@ -254,7 +284,12 @@ impl Adapter {
 
     /// True if the state of every joint is known and none is lost.
     pub fn is_complete(&self) -> bool {
-        self.links.iter().all(|link| link.received_ns.is_some() && link.silent < LOST_AFTER)
+        self.is_known() && self.links.iter().all(|link| link.silent < LOST_AFTER)
+    }
+
+    /// True if every drive has answered, and its position is that of its joint.
+    pub fn is_known(&self) -> bool {
+        self.links.iter().all(|link| link.received_ns.is_some() && link.is_homed())
     }
 
     /// Time of the oldest state among the joints, ns.
@@ -279,7 +314,9 @@ impl Adapter {
             }
         }
         let trip = self.tripped.then_some(self.on_trip);
-        if trip.is_none() {
+        if self.tripped {
+            self.links.iter_mut().for_each(|link| link.let_go(self.on_trip));
+        } else {
             self.links.iter_mut().filter(|link| link.bus == bus).for_each(Link::probe);
         }
         let (mut is_line, mut is_synchronised) = (false, false);
@@ -329,10 +366,14 @@ impl Adapter {
         for link in &mut self.links {
             // one that does not tell its state may have let go meanwhile
             let is_well = link.phase == Phase::Enabled
+                && link.is_homed()
                 && link.silent == 0
                 && link.dialogue.tells_its_state()
                 && self.on_trip == OnTrip::Damp;
-            if !is_well {
+            if is_well {
+                // from where it is now, not from where it was held before it was damped
+                link.hold();
+            } else {
                 link.dialogue.restart();
                 link.start();
             }

@@ -23,6 +23,22 @@ pub enum WrongSetting {
         /// That of the table.
         expected: f64,
     },
+    /// The limit of the current, in the units of the drive's register.
+    #[error("its limit of current is {found}, the table says {expected}, in the units of its register")]
+    CurrentLimit {
+        /// That of the drive.
+        found: f64,
+        /// That of the table.
+        expected: f64,
+    },
+    /// The homing offset of a servo, steps.
+    #[error("its homing offset is {found} steps, the table says {expected}")]
+    HomingOffset {
+        /// That of the servo.
+        found: i32,
+        /// That of the table.
+        expected: i32,
+    },
     /// The rated torque, of which torques are thousandths, N m.
     #[error("its rated torque is {found} N m, the table says {expected}")]
     RatedTorque {

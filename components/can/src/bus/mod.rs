@@ -11,7 +11,7 @@ pub mod simulated;
 pub mod slcan;
 pub mod socket;
 mod terminal;
-mod time;
+pub(crate) mod time;
 
 use crate::frame::Frame;
 

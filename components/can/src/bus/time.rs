@@ -9,7 +9,7 @@ fn now_ns(clock: ClockId) -> u64 {
 }
 
 /// Time on the monotonic clock, ns: that of all stamps.
-pub(super) fn monotonic_ns() -> u64 {
+pub(crate) fn monotonic_ns() -> u64 {
     now_ns(ClockId::Monotonic)
 }
 

@@ -5,7 +5,7 @@ use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::{BusKind, Table};
+use crate::{BusKind, HomingBy, Table};
 
 /// One fault of the script.
 ///
@@ -25,7 +25,8 @@ pub struct FaultConfig {
     pub lasts: Option<TimeSpan>,
     /// Kind of the fault.
     pub kind: FaultKind,
-    /// The joint whose drive it befalls; of the kinds "silent", "late", "wrong_length", "corrupt", "duplicate", "twin", "off".
+    /// The joint whose drive it befalls; of the kinds "silent", "late", "wrong_length", "corrupt", "duplicate", "twin", "off",
+    /// "no_mark", "stuck_mark".
     pub joint: Option<String>,
     /// The bus that it befalls; of the kinds "babbling", "disturbed", "bus_off", "alone", "down".
     pub bus: Option<String>,
@@ -51,6 +52,10 @@ pub enum FaultKind {
     Twin,
     /// The drive has no power: it hears nothing, answers nothing and is disabled.
     Off,
+    /// The mark of the drive, such as its switch, is never met when it homes itself.
+    NoMark,
+    /// The mark of the drive is met wherever it stands.
+    StuckMark,
     /// A node floods the bus with frames that win against all others.
     Babbling,
     /// Every frame on the bus is disturbed once.
@@ -108,6 +113,11 @@ impl Fault {
         );
         if needs_can && bus.is_some_and(|bus| table.buses[bus].kind == BusKind::Serial) {
             return refuse("kind", "a fault of CAN buses, on a serial line".to_string());
+        }
+        let is_of_mark = matches!(config.kind, FaultKind::NoMark | FaultKind::StuckMark);
+        let homing = table.drives.get(target).and_then(|drive| drive.homing.as_ref());
+        if is_of_mark && homing.is_none_or(|homing| homing.by != HomingBy::Drive) {
+            return refuse("kind", format!("the drive of `{name}` looks for no mark by itself"));
         }
         if config.delay.is_some() && config.kind != FaultKind::Late {
             return refuse("delay", "only a late answer has one".to_string());

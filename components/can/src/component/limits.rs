@@ -5,6 +5,7 @@ use motorium::safety::JointLimits;
 use motorium_robots::ProfileError;
 
 use super::Equipped;
+use crate::HomingBy;
 
 /// Limits and gains of the safe states of every joint, in the order of the robot's joints.
 pub(super) fn of_joints(equipped: &Equipped) -> Result<Vec<JointLimits>, ConfigError> {
@@ -49,10 +50,39 @@ pub(super) fn too_small(equipped: &Equipped) -> Option<String> {
         let ends = [range.min, range.max].map(|drive| gear.to_joint(drive));
         let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
         let (lower, upper) = (model.lower()[i], model.upper()[i]);
+        if table.drives[order[i]].homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Stop) {
+            // its zero lies where its power came on, anywhere in the range of the joint
+            let (span, reaches) = (upper - lower, range.max / gear.ratio.abs());
+            return (span.is_finite() && reaches < span).then(|| {
+                format!("the positions of drive `{name}` reach {reaches:.3} from its zero, and the joint moves by {span:.3}")
+            });
+        }
         let covers = low <= lower && high >= upper;
         // a joint without limits turns on beyond any range
         (lower.is_finite() && upper.is_finite() && !covers).then(|| {
             format!("the positions of drive `{name}` cover {low:.3} to {high:.3}, the joint has {lower:.3} to {upper:.3}")
         })
+    })
+}
+
+/// A joint whose homing goes beyond its limits, and how.
+pub(super) fn unfit_homing(equipped: &Equipped, limits: &[JointLimits]) -> Option<(String, String)> {
+    let Equipped { table, order, .. } = equipped;
+    order.iter().zip(limits).find_map(|(drive, limits)| {
+        let homing = table.drives[*drive].homing.as_ref()?;
+        let beyond = |value: Option<f64>, limit: f64| value.is_some_and(|value| value.abs() > limit);
+        let message =
+            if beyond(homing.velocity, limits.velocity) || beyond(homing.creep_velocity, limits.velocity) {
+                format!("a velocity beyond that of the joint, {:.3}", limits.velocity)
+            } else if beyond(homing.effort, limits.effort) {
+                format!("an effort beyond that of the joint, {:.3}", limits.effort)
+            } else {
+                let end = homing.end().filter(|end| !(limits.lower..=limits.upper).contains(end))?;
+                format!(
+                    "it ends at {end:.4}, and the joint has {:.4} to {:.4}: write a longer `back_off`",
+                    limits.lower, limits.upper
+                )
+            };
+        Some((limits.name.to_string(), message))
     })
 }

@@ -16,6 +16,8 @@ const TIMEOUT_NS: u64 = 50_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Register {
+    /// The current at which the drive lets go, a share of its full current.
+    OverCurrent = 3,
     /// Time without a command after which the drive lets go, in units of 50 us; 0 for never.
     Timeout = 9,
     /// The largest position of the range, rad.
@@ -31,7 +33,8 @@ impl Register {
     pub const CHECKED: [Self; 4] = [Self::Timeout, Self::PositionMax, Self::VelocityMax, Self::TorqueMax];
 
     fn of(code: u8) -> Result<Self, DecodeError> {
-        let found = Self::CHECKED.into_iter().find(|register| *register as u8 == code);
+        let mut all = Self::CHECKED.into_iter().chain([Self::OverCurrent]);
+        let found = all.find(|register| *register as u8 == code);
         found.ok_or(DecodeError::Field { field: "the register", found: code.into() })
     }
 }
@@ -41,8 +44,8 @@ impl Register {
 pub enum Value {
     /// Time without a command after which the drive lets go, ns; `None` for never.
     Watchdog(Option<u64>),
-    /// The end of a range.
-    Range(f64),
+    /// The end of a range, or a share.
+    Number(f64),
 }
 
 /// A request of a register.
@@ -65,6 +68,41 @@ impl Request {
     /// ```
     pub fn frame(&self) -> Frame {
         Frame::classic(EVERYBODY, &[self.node, 0, READ, self.register as u8, 0, 0, 0, 0])
+    }
+
+    /// The frame that changes the register to this number, until the power goes off.
+    ///
+    /// ```
+    /// use motorium_can::damiao::{Register, Request};
+    ///
+    /// let request = Request { node: 1, register: Register::OverCurrent };
+    /// assert_eq!(request.change(0.5).data(), [1, 0, 0x55, 3, 0, 0, 0, 0x3f]);
+    /// ```
+    pub fn change(&self, number: f64) -> Frame {
+        let [a, b, c, d] = (number as f32).to_le_bytes();
+        Frame::classic(EVERYBODY, &[self.node, 0, WRITE, self.register as u8, a, b, c, d])
+    }
+
+    /// The drive's side: the register that a frame changes, and its number.
+    ///
+    /// # Errors
+    /// The frame changes nothing that can be changed here, or another drive.
+    pub fn decode_change(frame: &Frame, node: u8) -> Result<(Self, f64), DecodeError> {
+        let data: &[u8; 8] = exactly(frame, EVERYBODY)?;
+        let [low, high, action, register, a, b, c, d] = *data;
+        if (low, high) != (node, 0) {
+            return Err(DecodeError::Device { found: low, expected: node });
+        }
+        if action != WRITE || register != Register::OverCurrent as u8 {
+            return Err(DecodeError::Field { field: "the action", found: action.into() });
+        }
+        let number = finite([a, b, c, d], "the number of a register")?;
+        Ok((Self { node, register: Register::OverCurrent }, number))
+    }
+
+    /// The drive's side: the answer to a change, which repeats it.
+    pub fn changed(&self, master: Id, number: f64) -> Frame {
+        Frame::classic(master, self.change(number).data())
     }
 
     /// The drive's side: the request in a frame to all drives.
@@ -90,7 +128,7 @@ impl Request {
                 let units = time.unwrap_or(0).div_ceil(TIMEOUT_NS);
                 u32::try_from(units).unwrap_or(u32::MAX).to_le_bytes()
             }
-            Value::Range(max) => (max as f32).to_le_bytes(),
+            Value::Number(max) => (max as f32).to_le_bytes(),
         };
         let [a, b, c, d] = bytes;
         Frame::classic(master, &[self.node, 0, READ, self.register as u8, a, b, c, d])
@@ -107,12 +145,24 @@ impl Request {
     /// # Errors
     /// It is the answer of another drive, about another register, or its number is not finite.
     pub fn value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
+        self.value_of(READ, frame, master)
+    }
+
+    /// The number that a drive says it has changed the register to.
+    ///
+    /// # Errors
+    /// As [`value`](Self::value).
+    pub fn changed_value(&self, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
+        self.value_of(WRITE, frame, master)
+    }
+
+    fn value_of(&self, expected: u8, frame: &Frame, master: Id) -> Result<Value, DecodeError> {
         let data: &[u8; 8] = exactly(frame, master)?;
         let [low, high, action, register, a, b, c, d] = *data;
         if (low, high) != (self.node, 0) {
             return Err(DecodeError::Device { found: low, expected: self.node });
         }
-        if action != READ {
+        if action != expected {
             return Err(DecodeError::Field { field: "the action", found: action.into() });
         }
         if register != self.register as u8 {
@@ -124,7 +174,7 @@ impl Request {
                 let units = u64::from(u32::from_le_bytes(bytes));
                 Ok(Value::Watchdog((units > 0).then_some(units * TIMEOUT_NS)))
             }
-            _ => finite(bytes, "the end of a range").map(Value::Range),
+            _ => finite(bytes, "the number of a register").map(Value::Number),
         }
     }
 }

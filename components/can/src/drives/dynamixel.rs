@@ -18,6 +18,12 @@ pub const OPERATING_MODE: u16 = 11;
 pub const POSITIONS: u8 = 3;
 /// The operating mode of positions with a limit of the current.
 pub const POSITIONS_BY_CURRENT: u8 = 5;
+/// The register of the homing offset, four bytes, steps.
+pub const HOMING_OFFSET: u16 = 20;
+/// The register of the largest current that can be set in [`GOAL_CURRENT`], a word.
+pub const CURRENT_LIMIT: u16 = 38;
+/// The register of the current that a servo of [`POSITIONS_BY_CURRENT`] gives at most, a word; gone with the power.
+pub const GOAL_CURRENT: u16 = 102;
 /// The first register of the highest and the lowest goal, four bytes each.
 pub const POSITION_LIMITS: u16 = 48;
 /// The register that switches torque on.

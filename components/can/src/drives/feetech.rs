@@ -15,12 +15,18 @@ pub const TURN: f64 = 4096.0;
 pub const MIDDLE: f64 = 2048.0;
 /// The first register of the lowest and the highest goal, two words.
 pub const ANGLE_LIMITS: u8 = 9;
+/// The register of the homing offset, a word of 11 bits with a sign bit, steps.
+pub const HOMING_OFFSET: u8 = 31;
 /// The register of the operating mode: 0 for positions.
 pub const OPERATING_MODE: u8 = 33;
+/// The operating mode of positions.
+pub const POSITIONS: u8 = 0;
 /// The first register of the state: whether torque is on.
 pub const TORQUE_ENABLE: u8 = 40;
 /// The register of the goal position, a word.
 pub const GOAL_POSITION: u8 = 42;
+/// The register of the largest torque, a word, thousandths of the stall torque; what it holds is gone with the power.
+pub const TORQUE_LIMIT: u8 = 48;
 /// Bytes of a state, from [`TORQUE_ENABLE`] on.
 pub const STATE_BYTES: u8 = 26;
 /// Bytes from [`TORQUE_ENABLE`] to the end of the goal: torque, acceleration, position, time, speed.
@@ -68,6 +74,11 @@ pub fn step(position: f64) -> u16 {
 /// The position of a step, rad.
 pub fn position(step: u16) -> f64 {
     (f64::from(step) - MIDDLE) / TURN * TAU
+}
+
+/// The homing offset in a word, steps.
+pub fn homing_offset(word: u16) -> i32 {
+    signed(word, 11) as i32
 }
 
 /// A word with a sign bit.

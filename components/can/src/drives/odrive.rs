@@ -138,6 +138,9 @@ pub enum Report {
         error: u32,
         /// Its state.
         state: AxisState,
+        /// The result of its last procedure, 0 for success and 1 for one under way; of firmware before 0.6 the flag of an error of
+        /// the motor.
+        result: u8,
     },
     /// The estimates of the encoder, of the motor.
     Encoder {
@@ -152,6 +155,20 @@ pub enum Report {
         voltage: f64,
         /// Current, A.
         current: f64,
+    },
+    /// Temperatures, degrees Celsius; 0 where there is no thermistor.
+    Temperature {
+        /// Of the transistors.
+        transistors: f64,
+        /// Of the motor.
+        motor: f64,
+    },
+    /// Currents of the motor: setpoint and measurement, A.
+    Currents {
+        /// The setpoint.
+        target: f64,
+        /// The measurement.
+        measured: f64,
     },
     /// Torques of newer firmware: setpoint and estimate, N m.
     Torques {
@@ -171,6 +188,8 @@ const SET_POSITION: u16 = 0x0c;
 const SET_VELOCITY: u16 = 0x0d;
 const SET_TORQUE: u16 = 0x0e;
 const SET_LIMITS: u16 = 0x0f;
+const CURRENTS: u16 = 0x14;
+const TEMPERATURE: u16 = 0x15;
 const SUPPLY: u16 = 0x17;
 const CLEAR_ERRORS: u16 = 0x18;
 const TORQUES: u16 = 0x1c;
@@ -292,11 +311,13 @@ impl Node {
         let words = |a: [u8; 4], b: [u8; 4]| [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]];
         let floats = |a: f64, b: f64| words((a as f32).to_le_bytes(), (b as f32).to_le_bytes());
         let (command, data) = match *report {
-            Report::Heartbeat { error, state } => {
-                (HEARTBEAT, words(error.to_le_bytes(), [state as u8, 0, 0, 0]))
+            Report::Heartbeat { error, state, result } => {
+                (HEARTBEAT, words(error.to_le_bytes(), [state as u8, result, 0, 0]))
             }
             Report::Encoder { position, velocity } => (ENCODER, floats(position / TAU, velocity / TAU)),
             Report::Supply { voltage, current } => (SUPPLY, floats(voltage, current)),
+            Report::Temperature { transistors, motor } => (TEMPERATURE, floats(transistors, motor)),
+            Report::Currents { target, measured } => (CURRENTS, floats(target, measured)),
             Report::Torques { target, estimate } => (TORQUES, floats(target, estimate)),
         };
         Frame::classic(self.id(command), &data)
@@ -311,10 +332,11 @@ impl Node {
         let command = self.command(frame)?;
         let (first, second) = halves(frame.data())?;
         Ok(match command {
-            // The last three bytes are flags of motor, encoder and controller, in newer firmware the result of a procedure.
+            // the last two bytes are flags of encoder and controller, in newer firmware the end of a trajectory
             HEARTBEAT => Report::Heartbeat {
                 error: u32::from_le_bytes(first),
                 state: AxisState::of(second[0].into())?,
+                result: second[1],
             },
             ENCODER => Report::Encoder {
                 position: finite(first, "the position")? * TAU,
@@ -323,6 +345,14 @@ impl Node {
             SUPPLY => Report::Supply {
                 voltage: finite(first, "the voltage")?,
                 current: finite(second, "the current")?,
+            },
+            TEMPERATURE => Report::Temperature {
+                transistors: finite(first, "the temperature of the transistors")?,
+                motor: finite(second, "the temperature of the motor")?,
+            },
+            CURRENTS => Report::Currents {
+                target: finite(first, "the target")?,
+                measured: finite(second, "the measurement")?,
             },
             TORQUES => Report::Torques {
                 target: finite(first, "the target")?,

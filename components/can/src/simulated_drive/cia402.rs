@@ -3,10 +3,11 @@
 
 use core::f64::consts::TAU;
 
-use super::{Motor, Overrides, Watchdog};
+use super::encoder::Search;
+use super::{Mark, Motor, Overrides, Watchdog};
 use crate::cia402::{
-    ADAPTER, DriveState, Emergency, Mapping, Mode, NetworkCommand, NetworkState, Node, Object, Process,
-    Service, Setpoint, Value, adapter_heartbeat, sync,
+    ADAPTER, DriveState, Emergency, HOMING_MODE, HOMING_START, Mapping, Mode, NetworkCommand, NetworkState,
+    Node, Object, Process, Service, Setpoint, Value, adapter_heartbeat, sync,
 };
 use crate::frame::{Frame, Id};
 use crate::table::{ControlMode, LoopEntry, Table};
@@ -19,8 +20,13 @@ const READ_ONLY: u32 = 0x0601_0002;
 const NO_HEARTBEAT: u16 = 0x8130;
 const TOO_HOT: u16 = 0x4310;
 /// Objects beside those of the mappings.
-const OBJECTS: [Object; 6] = [
+const OBJECTS: [Object; 11] = [
     Object::MAX_CURRENT,
+    Object::HOMING_METHOD,
+    Object::HOMING_VELOCITY,
+    Object::HOMING_CREEP_VELOCITY,
+    Object::HOMING_ACCELERATION,
+    Object::HOME_OFFSET,
     Object::HEARTBEAT_CONSUMER,
     Object::HEARTBEAT_PRODUCER,
     Object::MODE,
@@ -39,6 +45,8 @@ pub struct Cia402 {
     network: NetworkState,
     state: DriveState,
     dictionary: Vec<(Object, Value)>,
+    /// The same as it stands when its power comes on.
+    initial: Vec<(Object, Value)>,
     /// Process data whose mapping cannot be written.
     fixed: Vec<Mapping>,
     /// The watchdog that it keeps, whatever is written; ns.
@@ -52,6 +60,9 @@ pub struct Cia402 {
     /// It has yet to say that it has started.
     boots: bool,
     emergency: Option<u16>,
+    /// The mode of the setpoints.
+    cyclic: Mode,
+    homing: Homing,
     pub(super) motor: Motor,
     pub(super) watchdog_trips: u64,
 }
@@ -86,6 +97,7 @@ impl Cia402 {
             gains: table.position_loop(index),
             network: NetworkState::PreOperational,
             state: DriveState::SwitchOnDisabled,
+            initial: dictionary.clone(),
             dictionary,
             fixed: entry.fixed_mappings.clone(),
             fixed_watchdog_ns: overrides.watchdog_ns,
@@ -95,6 +107,8 @@ impl Cia402 {
             setpoint: Setpoint { controlword: 0, target: 0 },
             boots: true,
             emergency: None,
+            cyclic: Mode::Position,
+            homing: Homing::None,
             motor: Motor::new(entry.ranges.torque),
             watchdog_trips: 0,
         }
@@ -113,14 +127,22 @@ impl Cia402 {
         (self.network, self.state) = (NetworkState::PreOperational, DriveState::SwitchOnDisabled);
         (self.is_watching, self.waiting, self.boots, self.emergency) = (false, None, true, None);
         self.setpoint = Setpoint { controlword: 0, target: 0 };
+        self.homing = Homing::None;
+        self.dictionary.copy_from_slice(&self.initial);
+        self.watchdog.after_ns = self.fixed_watchdog_ns.filter(|ns| *ns > 0);
+        self.motor.limit(f64::INFINITY);
     }
 
     fn mode(&self) -> Mode {
-        match self.get(Object::MODE).map(Value::number) {
-            Some(9) => Mode::Velocity,
-            Some(10) => Mode::Torque,
-            _ => Mode::Position,
-        }
+        self.cyclic
+    }
+
+    fn number(&self, object: Object) -> u32 {
+        self.get(object).map_or(0, Value::number)
+    }
+
+    fn homes(&self) -> bool {
+        self.number(Object::MODE) == u32::from(HOMING_MODE)
     }
 
     fn get(&self, object: Object) -> Option<Value> {
@@ -170,6 +192,7 @@ impl Cia402 {
         let result = match *service {
             Service::Read(Object::RATED_TORQUE) => Ok(Value::long((self.rated_torque * 1e3 + 0.5) as u32)),
             Service::Read(Object::RATED_CURRENT) => Ok(Value::long((self.rated_current * 1e3 + 0.5) as u32)),
+            Service::Read(Object::MODE_DISPLAY) => self.get(Object::MODE).ok_or(NO_OBJECT),
             Service::Read(object) => self.get(object).ok_or(NO_OBJECT),
             Service::Write(Object::RATED_TORQUE | Object::RATED_CURRENT | Object::STATUSWORD, _) => {
                 Err(READ_ONLY)
@@ -201,6 +224,15 @@ impl Cia402 {
         if object == Object::MAX_CURRENT {
             self.motor.limit(f64::from(value.number()) * 1e-3 * self.rated_torque);
         }
+        if object == Object::MODE {
+            self.homing = Homing::None;
+            self.cyclic = match value.number() {
+                8 => Mode::Position,
+                9 => Mode::Velocity,
+                10 => Mode::Torque,
+                _ => self.cyclic,
+            };
+        }
         let place = self.dictionary.iter_mut().find(|(known, _)| *known == object).ok_or(NO_OBJECT)?;
         place.1 = value;
         Ok(())
@@ -210,11 +242,16 @@ impl Cia402 {
     fn synchronise(&mut self, answer: &mut dyn FnMut(Frame)) {
         if let Some(setpoint) = self.waiting.take() {
             let resets = setpoint.controlword & 0x80 != 0 && self.setpoint.controlword & 0x80 == 0;
+            let starts =
+                setpoint.controlword & HOMING_START != 0 && self.setpoint.controlword & HOMING_START == 0;
             self.state = next(self.state, setpoint.controlword, resets);
             self.setpoint = setpoint;
+            if self.homes() && self.is_enabled() && starts {
+                self.home();
+            }
         }
         let scaled = |rad: f64| nearest(rad / TAU * self.increments);
-        let statusword = statusword(self.state);
+        let statusword = statusword(self.state) | self.homing.statusword();
         let torque = (self.motor.torque / self.rated_torque * 1e3).clamp(-32768.0, 32767.0);
         let process = [
             (Mapping::Position, Process::Position { statusword, position: scaled(self.motor.position) }),
@@ -228,6 +265,20 @@ impl Cia402 {
                 answer(self.node.process_frame(&process));
             }
         }
+    }
+
+    /// Begins to look for its mark.
+    fn home(&mut self) {
+        let scale = self.number(Object::HOMING_VELOCITY);
+        let speed = f64::from(scale) / self.increments * TAU;
+        self.homing = match self.number(Object::HOMING_METHOD) as u8 as i8 {
+            35 | 37 => {
+                Search::here(&mut self.motor);
+                Homing::Attained
+            }
+            _ if self.motor.mark == Mark::Stuck => Homing::Failed,
+            _ => Homing::Running(Search::new(&self.motor, speed, self.motor.stepped_ns)),
+        };
     }
 
     pub(super) fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
@@ -255,12 +306,42 @@ impl Cia402 {
         }
         let target = f64::from(self.setpoint.target);
         let LoopEntry { kp, kd } = self.gains;
+        if self.homes() {
+            let mut goes = 0.0;
+            if let (true, Homing::Running(search)) = (self.is_enabled(), &mut self.homing) {
+                match search.step(&mut self.motor, now_ns) {
+                    Some(velocity) => goes = velocity,
+                    None => self.homing = Homing::Attained,
+                }
+            }
+            return self.motor.give(self.is_enabled().then_some(kd * (goes - velocity)));
+        }
         let wanted = match self.mode() {
             Mode::Position => kp * (target / self.increments * TAU - position) - kd * velocity,
             Mode::Velocity => kd * (target / self.increments * TAU - velocity),
             Mode::Torque => target * 1e-3 * self.rated_torque,
         };
         self.motor.give(self.is_enabled().then_some(wanted))
+    }
+}
+
+/// The progress of a homing.
+#[derive(Clone, Copy, Debug)]
+enum Homing {
+    None,
+    Running(Search),
+    Attained,
+    Failed,
+}
+
+impl Homing {
+    /// Its bits of the statusword.
+    fn statusword(self) -> u16 {
+        match self {
+            Self::None | Self::Running(_) => 0,
+            Self::Attained => 1 << 12 | 1 << 10,
+            Self::Failed => 1 << 13,
+        }
     }
 }
 

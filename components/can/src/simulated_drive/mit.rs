@@ -5,6 +5,9 @@ use crate::damiao::{Register, Request, Value};
 use crate::frame::Frame;
 use crate::mit::{Command, Drive, Fault, Feedback, Instruction, Reply, State};
 
+/// The share of its full current at which a drive lets go that has not been told another one.
+const OVER_CURRENT: f64 = 0.95;
+
 /// A drive of the MIT family as it behaves on the bus and at its shaft.
 ///
 /// It answers each command with the state it was in when the command came, as the published firmware does. Its inner loop gives
@@ -34,7 +37,10 @@ pub struct SimulatedDrive {
     command: Command,
     state: State,
     commanded_ns: u64,
-    motor: Motor,
+    /// The share of its full current at which it lets go, and the torque at the full current, N m.
+    over_current: f64,
+    full_torque: Option<f64>,
+    pub(super) motor: Motor,
     watchdog_trips: u64,
 }
 
@@ -47,9 +53,17 @@ impl SimulatedDrive {
             command: Command::default(),
             state: State::Disabled,
             commanded_ns: 0,
+            over_current: OVER_CURRENT,
+            full_torque: None,
             motor: Motor::new(codec.ranges.torque.max),
             watchdog_trips: 0,
         }
+    }
+
+    /// The same, with a torque at its full current \[N m\], of which it lets go at a share.
+    #[must_use]
+    pub fn with_full_torque(self, torque: f64) -> Self {
+        Self { full_torque: Some(torque), ..self }
     }
 
     /// Its codec, with the ranges that stand in the drive.
@@ -75,6 +89,7 @@ impl SimulatedDrive {
     /// Takes its power away: it is disabled when it comes back.
     pub fn cut_power(&mut self) {
         (self.state, self.command) = (State::Disabled, Command::default());
+        self.over_current = OVER_CURRENT;
     }
 
     /// A frame on the bus at `now_ns`; its answer, if the frame is for it.
@@ -83,6 +98,12 @@ impl SimulatedDrive {
             && let Ok(request) = Request::decode(frame, self.codec.node)
         {
             return Some(request.answer(self.codec.reply_id, self.register(request.register)));
+        }
+        if self.codec.reply == Reply::Damiao
+            && let Ok((request, share)) = Request::decode_change(frame, self.codec.node)
+        {
+            self.over_current = share;
+            return Some(request.changed(self.codec.reply_id, share));
         }
         let instruction = self.codec.instruction(frame).ok()?;
         let answer = self.codec.answer(&self.feedback());
@@ -106,10 +127,11 @@ impl SimulatedDrive {
     fn register(&self, register: Register) -> Value {
         let ranges = &self.codec.ranges;
         match register {
+            Register::OverCurrent => Value::Number(self.over_current),
             Register::Timeout => Value::Watchdog(self.watchdog_ns),
-            Register::PositionMax => Value::Range(ranges.position.max),
-            Register::VelocityMax => Value::Range(ranges.velocity.max),
-            Register::TorqueMax => Value::Range(ranges.torque.max),
+            Register::PositionMax => Value::Number(ranges.position.max),
+            Register::VelocityMax => Value::Number(ranges.velocity.max),
+            Register::TorqueMax => Value::Number(ranges.torque.max),
         }
     }
 
@@ -137,6 +159,10 @@ impl SimulatedDrive {
             self.state = State::Fault(Fault::HotMotor);
         }
         let wanted = self.command.torque_at(position, velocity);
+        let limit = self.full_torque.map(|torque| torque * self.over_current);
+        if self.is_enabled() && limit.is_some_and(|limit| wanted.abs() > limit) {
+            self.state = State::Fault(Fault::OverCurrent);
+        }
         self.motor.give(self.is_enabled().then_some(wanted))
     }
 }

@@ -1,6 +1,7 @@
 //! Simulated drives: the other end of the wire, each with an inner loop, a watchdog and a temperature.
 
 mod cia402;
+mod encoder;
 mod mit;
 mod moteus;
 mod odrive;
@@ -9,6 +10,8 @@ mod servo;
 use crate::frame::{Frame, Id};
 use crate::table::{Protocol, Table};
 use crate::{Range, damiao};
+pub use encoder::Mark;
+use encoder::Zero;
 pub use mit::SimulatedDrive;
 
 /// Settings of a simulated drive that are not those of the table.
@@ -63,12 +66,17 @@ impl AnySimulatedDrive {
     pub fn new(table: &Table, index: usize, overrides: Overrides) -> Self {
         let entry = &table.drives[index];
         let watchdog_ns = Some(overrides.watchdog_ns.unwrap_or(entry.watchdog.ns)).filter(|ns| *ns > 0);
-        match (entry.protocol, table.drive(index)) {
+        let mut drive = match (entry.protocol, table.drive(index)) {
             (_, Some(mut codec)) => {
                 if let Some(torque) = overrides.torque {
                     codec.ranges.torque = Range::symmetric(torque);
                 }
-                Self::Mit(Box::new(SimulatedDrive::new(codec, watchdog_ns)))
+                let drive = SimulatedDrive::new(codec, watchdog_ns);
+                let full = entry.full_current.zip(entry.torque_constant);
+                Self::Mit(Box::new(match full {
+                    Some((current, constant)) => drive.with_full_torque(current * constant),
+                    None => drive,
+                }))
             }
             (Protocol::Cia402, _) => Self::Cia402(Box::new(cia402::Cia402::new(table, index, overrides))),
             (Protocol::Moteus, _) => Self::Moteus(moteus::Moteus::new(table, index, watchdog_ns)),
@@ -76,7 +84,26 @@ impl AnySimulatedDrive {
                 Self::Servo(Box::new(servo::Servo::new(table, index, overrides)))
             }
             _ => Self::Odrive(odrive::Odrive::new(table, index, watchdog_ns)),
+        };
+        if entry.is_homed() {
+            drive.motor_mut().zero = Zero::PowerOn;
         }
+        drive
+    }
+
+    fn motor_mut(&mut self) -> &mut Motor {
+        match self {
+            Self::Mit(drive) => &mut drive.motor,
+            Self::Odrive(drive) => &mut drive.motor,
+            Self::Cia402(drive) => &mut drive.motor,
+            Self::Moteus(drive) => &mut drive.motor,
+            Self::Servo(drive) => &mut drive.motor,
+        }
+    }
+
+    /// Sets the condition of its mark, which it looks for when it is homed.
+    pub fn set_mark(&mut self, mark: Mark) {
+        self.motor_mut().mark = mark;
     }
 
     /// Identifiers of the frames that it hears.
@@ -103,9 +130,9 @@ impl AnySimulatedDrive {
 
     /// A frame of another drive on the bus, and `answer` for the one that follows upon it: servos that answer together speak one
     /// after the other.
-    pub fn overhear(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
+    pub fn observe(&mut self, frame: &Frame, answer: &mut dyn FnMut(Frame)) {
         if let Self::Servo(drive) = self {
-            drive.overhear(frame).into_iter().for_each(answer);
+            drive.observe(frame).into_iter().for_each(answer);
         }
     }
 
@@ -120,6 +147,7 @@ impl AnySimulatedDrive {
 
     /// One step of the inner loop, with its shaft at this position \[rad\] and velocity \[rad/s\]: its torque from now on, N m.
     pub fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
+        let position = self.motor_mut().encoder(position);
         match self {
             Self::Mit(drive) => drive.step(position, velocity, now_ns),
             Self::Odrive(drive) => drive.step(position, velocity, now_ns),
@@ -131,6 +159,7 @@ impl AnySimulatedDrive {
 
     /// Takes its power away: it is disabled when it comes back.
     pub fn cut_power(&mut self) {
+        self.motor_mut().cut_power();
         match self {
             Self::Mit(drive) => drive.cut_power(),
             Self::Odrive(drive) => drive.cut_power(),
@@ -148,6 +177,14 @@ impl AnySimulatedDrive {
             Self::Cia402(drive) => drive.is_enabled(),
             Self::Moteus(drive) => drive.is_enabled(),
             Self::Servo(drive) => drive.is_enabled(),
+        }
+    }
+
+    /// True if it gives torque: it follows commands, or looks for its mark by itself.
+    pub fn has_torque(&self) -> bool {
+        match self {
+            Self::Odrive(drive) => drive.has_torque(),
+            _ => self.is_enabled(),
         }
     }
 
@@ -186,6 +223,8 @@ struct Motor {
     velocity: f64,
     torque: f64,
     temperature: f64,
+    zero: Zero,
+    mark: Mark,
 }
 
 /// Temperature of the surroundings, degrees Celsius.
@@ -208,6 +247,8 @@ impl Motor {
             velocity: 0.0,
             torque: 0.0,
             temperature,
+            zero: Zero::Absolute,
+            mark: Mark::Works,
         }
     }
 

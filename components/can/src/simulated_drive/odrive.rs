@@ -1,15 +1,19 @@
 //! A simulated ODrive: encoder estimates and torques at the rate that is set in it, a heartbeat each tenth of a second.
 
-use super::{Motor, Watchdog};
+use super::encoder::Search;
+use super::{Mark, Motor, Watchdog};
 use crate::frame::{Frame, Id};
 use crate::odrive::{AxisState, ControlMode, Instruction, Node, Report};
 use crate::table::{LoopEntry, Table};
 
 /// Time between two heartbeats, ns.
 const HEARTBEAT_NS: u64 = 100_000_000;
+/// Speed with which it looks for its mark, rad/s.
+const SEARCH_SPEED: f64 = 1.5;
 /// Errors of an axis, as the heartbeat has them.
 const ESTOP_REQUESTED: u32 = 0x4000;
 const WATCHDOG_EXPIRED: u32 = 0x800;
+const ENDSTOP_PRESSED: u32 = 0x1000;
 const MOTOR_TOO_HOT: u32 = 0x4_0000;
 
 /// A drive that gives `kp (position - q) + kd (velocity - v) + torque`: the gain of its position loop times that of its velocity
@@ -25,6 +29,8 @@ pub struct Odrive {
     setpoint: [f64; 3],
     error: u32,
     is_enabled: bool,
+    /// The procedure under way, with its state.
+    search: Option<(AxisState, Search)>,
     watchdog: Watchdog,
     next_report_ns: u64,
     next_heartbeat_ns: u64,
@@ -46,6 +52,7 @@ impl Odrive {
             setpoint: [0.0; 3],
             error: 0,
             is_enabled: false,
+            search: None,
             watchdog: Watchdog::new(watchdog_ns),
             next_report_ns: phase_ns,
             next_heartbeat_ns: phase_ns,
@@ -63,9 +70,13 @@ impl Odrive {
         self.is_enabled
     }
 
+    pub(super) fn has_torque(&self) -> bool {
+        self.is_enabled || self.search.is_some()
+    }
+
     pub(super) fn cut_power(&mut self) {
         (self.is_enabled, self.error, self.setpoint) = (false, 0, [0.0; 3]);
-        self.control = ControlMode::Position;
+        (self.control, self.search) = (ControlMode::Position, None);
     }
 
     pub(super) fn receive(&mut self, frame: &Frame, now_ns: u64) {
@@ -83,7 +94,16 @@ impl Odrive {
                 self.is_enabled = true;
             }
             Instruction::SetState(AxisState::ClosedLoop) => {}
-            Instruction::SetState(_) => self.is_enabled = false,
+            Instruction::SetState(AxisState::Homing) if self.motor.mark == Mark::Stuck => {
+                self.fail(ENDSTOP_PRESSED);
+            }
+            Instruction::SetState(state @ (AxisState::Homing | AxisState::IndexSearch))
+                if self.error == 0 =>
+            {
+                self.is_enabled = false;
+                self.search = Some((state, Search::new(&self.motor, SEARCH_SPEED, now_ns)));
+            }
+            Instruction::SetState(_) => (self.is_enabled, self.search) = (false, None),
             Instruction::Position { position, velocity, torque } => {
                 self.setpoint = [position, velocity, torque]
             }
@@ -97,7 +117,7 @@ impl Odrive {
 
     fn fail(&mut self, error: u32) {
         self.error |= error;
-        self.is_enabled = false;
+        (self.is_enabled, self.search) = (false, None);
     }
 
     pub(super) fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
@@ -109,24 +129,40 @@ impl Odrive {
             self.next_report_ns += self.every_ns;
         }
         while self.next_heartbeat_ns <= now_ns {
-            let state = if self.is_enabled { AxisState::ClosedLoop } else { AxisState::Idle };
-            let heartbeat = Report::Heartbeat { error: self.error, state };
+            let state = match self.search {
+                Some((state, _)) => state,
+                None if self.is_enabled => AxisState::ClosedLoop,
+                None => AxisState::Idle,
+            };
+            let result = u8::from(self.search.is_some());
+            let heartbeat = Report::Heartbeat { error: self.error, state, result };
             say(self.node.report_frame(&heartbeat), self.next_heartbeat_ns);
+            let motor = self.motor.temperature;
+            let temperature = Report::Temperature { transistors: motor, motor };
+            say(self.node.report_frame(&temperature), self.next_heartbeat_ns);
             self.next_heartbeat_ns += HEARTBEAT_NS;
         }
     }
 
     pub(super) fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
         self.motor.turn(position, velocity, now_ns);
-        if self.is_enabled && self.watchdog.has_expired(now_ns) {
+        let has_torque = self.has_torque();
+        if has_torque && self.watchdog.has_expired(now_ns) {
             self.fail(WATCHDOG_EXPIRED);
             self.watchdog_trips += 1;
         }
-        if self.is_enabled && self.motor.is_too_hot() {
+        if has_torque && self.motor.is_too_hot() {
             self.fail(MOTOR_TOO_HOT);
         }
         let [p, v, torque] = self.setpoint;
         let LoopEntry { kp, kd } = self.gains;
+        if let Some((_, search)) = &mut self.search {
+            let wanted = search.step(&mut self.motor, now_ns).map(|wanted| kd * (wanted - velocity));
+            if wanted.is_none() {
+                self.search = None;
+            }
+            return self.motor.give(wanted);
+        }
         let wanted = match self.control {
             ControlMode::Position => kp * (p - position) + kd * (v - velocity) + torque,
             ControlMode::Velocity => kd * (v - velocity) + torque,

@@ -30,6 +30,8 @@ pub struct Servo {
     stopped: Option<f64>,
     /// Its turn in the common packet of a fast read, until it has spoken.
     turn: Option<Turn>,
+    /// Torque of a unit of the register of its current, N m; `None` for one that tells its load.
+    torque_per_unit: Option<f64>,
     pub(super) motor: Motor,
     pub(super) watchdog_trips: u64,
 }
@@ -59,17 +61,57 @@ impl Servo {
             fixed_watchdog_ns: overrides.watchdog_ns,
             stopped: None,
             turn: None,
-            motor: Motor::new(table.ranges(index).torque.max),
+            torque_per_unit: entry
+                .current_unit
+                .zip(entry.torque_constant)
+                .map(|(unit, constant)| unit * constant),
+            motor: Motor::new(entry.ranges.torque),
             watchdog_trips: 0,
         };
+        let steps = entry.homing.as_ref().and_then(|homing| homing.steps).unwrap_or(0);
         if is_dynamixel {
-            servo.put(dynamixel::OPERATING_MODE.into(), &[dynamixel::POSITIONS]);
+            let mode = match entry.current_limit {
+                Some(_) => dynamixel::POSITIONS_BY_CURRENT,
+                None => dynamixel::POSITIONS,
+            };
+            servo.put(dynamixel::OPERATING_MODE.into(), &[mode]);
+            servo.put(dynamixel::CURRENT_LIMIT.into(), &2047_u16.to_le_bytes());
+            servo.put(dynamixel::HOMING_OFFSET.into(), &steps.to_le_bytes());
             servo.put(dynamixel::POSITION_LIMITS.into(), &(dynamixel::TURN as i32 - 1).to_le_bytes());
         } else {
             let highest = (feetech::TURN as u16 - 1).to_le_bytes();
             servo.put(usize::from(feetech::ANGLE_LIMITS) + 2, &highest);
+            let sign = if steps < 0 { 1 << 11 } else { 0 };
+            let word = steps.unsigned_abs() as u16 & 0x7ff | sign;
+            servo.put(feetech::HOMING_OFFSET.into(), &word.to_le_bytes());
         }
+        servo.reset_limits();
         servo
+    }
+
+    /// Sets the limits that are gone with the power to what they are at its beginning: all that it gives.
+    fn reset_limits(&mut self) {
+        if self.is_dynamixel() {
+            let highest = self.word(dynamixel::CURRENT_LIMIT.into());
+            self.put(dynamixel::GOAL_CURRENT.into(), &highest.to_le_bytes());
+        } else {
+            self.put(feetech::TORQUE_LIMIT.into(), &1000_u16.to_le_bytes());
+        }
+    }
+
+    fn word(&self, register: usize) -> u16 {
+        u16::from_le_bytes([self.registers[register], self.registers[register + 1]])
+    }
+
+    /// The largest torque by its limits, N m.
+    fn torque_limit(&self) -> f64 {
+        let is_limited =
+            self.registers[usize::from(dynamixel::OPERATING_MODE)] == dynamixel::POSITIONS_BY_CURRENT;
+        match (self.is_dynamixel(), self.torque_per_unit) {
+            (false, _) => f64::from(self.word(feetech::TORQUE_LIMIT.into())) * 1e-3 * self.motor.largest,
+            (true, Some(unit)) if is_limited => f64::from(self.word(dynamixel::GOAL_CURRENT.into())) * unit,
+            (true, _) => self.motor.largest,
+        }
     }
 
     fn is_dynamixel(&self) -> bool {
@@ -102,6 +144,7 @@ impl Servo {
     pub(super) fn cut_power(&mut self) {
         let switch = self.switch();
         self.registers[switch..].fill(0);
+        self.reset_limits();
         (self.status, self.stopped, self.watchdog) = (0, None, Watchdog::new(None));
     }
 
@@ -151,8 +194,8 @@ impl Servo {
         }
     }
 
-    /// Hears what another servo says, and adds its share to a common packet when its turn has come.
-    pub(super) fn overhear(&mut self, frame: &Frame) -> Option<Frame> {
+    /// Observes the answer of another servo, and adds its share to a common packet when its turn has come.
+    pub(super) fn observe(&mut self, frame: &Frame) -> Option<Frame> {
         if frame.form != Form::Packet || frame.id != Id::Standard(EVERYBODY.into()) {
             return None;
         }
@@ -177,6 +220,13 @@ impl Servo {
             let watchdog = usize::from(dynamixel::BUS_WATCHDOG);
             // goals are read-only once the watchdog has stopped it
             if self.stopped.is_some() && written.contains(&dynamixel::GOAL_POSITION.into()) {
+                return;
+            }
+            // no more than the limit that stands in it
+            let goal_current = usize::from(dynamixel::GOAL_CURRENT);
+            let highest = self.word(dynamixel::CURRENT_LIMIT.into());
+            if register == goal_current && data.len() == 2 && u16::from_le_bytes([data[0], data[1]]) > highest
+            {
                 return;
             }
             if !self.put(register, data) {
@@ -212,7 +262,10 @@ impl Servo {
         let (position, velocity, temperature) = (motor.position, motor.velocity, motor.temperature);
         let load = motor.torque / motor.largest;
         if self.is_dynamixel() {
-            let load = (load * 1e3) as i16;
+            let load = match self.torque_per_unit {
+                Some(unit) => motor.torque / unit,
+                None => load * 1e3,
+            } as i16;
             let state = dynamixel::State { position, velocity, load, voltage: VOLTAGE, temperature };
             let place = self.registers[usize::from(dynamixel::STATE)..]
                 .first_chunk_mut::<{ dynamixel::STATE_BYTES as usize }>()?;
@@ -241,8 +294,7 @@ impl Servo {
             let bytes = self.registers[place..].first_chunk().copied().unwrap_or_default();
             return dynamixel::position(i32::from_le_bytes(bytes));
         }
-        let place = usize::from(feetech::GOAL_POSITION);
-        feetech::position(u16::from_le_bytes([self.registers[place], self.registers[place + 1]]))
+        feetech::position(self.word(feetech::GOAL_POSITION.into()))
     }
 
     pub(super) fn step(&mut self, position: f64, velocity: f64, now_ns: u64) -> f64 {
@@ -259,6 +311,7 @@ impl Servo {
         }
         let LoopEntry { kp, kd } = self.gains;
         let wanted = kp * (self.stopped.unwrap_or_else(|| self.goal()) - position) - kd * velocity;
+        self.motor.limit(self.torque_limit());
         self.motor.give(self.has_torque().then_some(wanted))
     }
 }

@@ -1,6 +1,7 @@
 //! The mistakes of a drive table that it shows by itself.
 
 use super::{BusEntry, BusKind, ControlMode, DriveEntry, Protocol, Table};
+use super::{current, homing};
 use crate::Range;
 use crate::bus::offered::Place;
 use crate::dynamixel;
@@ -216,8 +217,19 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
         ("increments", drive.increments.is_some(), is_cia402, "CiA 402"),
         ("rated_torque", drive.rated_torque.is_some(), is_cia402, "CiA 402"),
         ("rated_current", drive.rated_current.is_some(), is_cia402, "CiA 402"),
-        ("torque_constant", drive.torque_constant.is_some(), protocol == Protocol::Odrive, "ODrive"),
-        ("current_limit", drive.current_limit.is_some(), protocol.has_modes(), "ODrive and CiA 402"),
+        (
+            "torque_constant",
+            drive.torque_constant.is_some(),
+            matches!(protocol, Protocol::Odrive | Protocol::Damiao | Protocol::Dynamixel),
+            "ODrive, Damiao and Dynamixel",
+        ),
+        (
+            "full_current",
+            drive.full_current.is_some(),
+            matches!(protocol, Protocol::Damiao | Protocol::Feetech),
+            "Damiao and Feetech",
+        ),
+        ("current_unit", drive.current_unit.is_some(), protocol == Protocol::Dynamixel, "Dynamixel"),
     ];
     if let Some((key, _, _, owner)) = foreign.iter().find(|(_, is_there, is_known, _)| *is_there && !is_known)
     {
@@ -229,7 +241,8 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
         let advice = "write `increments` per turn of the output shaft, and `rated_torque`, object 0x6076 in N m, or an `eds` that has them";
         return Err((message, advice));
     }
-    check_current(drive)?;
+    current::check(drive)?;
+    homing::check(drive)?;
     if drive.mode == Some(ControlMode::Velocity) && !is_cia402 {
         return Err(("velocities, which are a mode of CiA 402".into(), "write \"position\" or \"torque\""));
     }
@@ -270,38 +283,4 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
         ));
     }
     Ok(())
-}
-
-/// Refuses a largest current that the drive cannot be told, or of which nobody knows the torque.
-fn check_current(drive: &DriveEntry) -> Result<(), Refusal> {
-    let positive = |value: f64| value.is_finite() && value > 0.0;
-    let all = [
-        ("current_limit", drive.current_limit),
-        ("torque_constant", drive.torque_constant),
-        ("rated_current", drive.rated_current),
-    ];
-    if let Some((key, Some(value))) =
-        all.into_iter().find(|(_, value)| value.is_some_and(|value| !positive(value)))
-    {
-        return Err((
-            format!("`{key}` is {value}"),
-            "write a positive number: A, or N m/A of the output shaft",
-        ));
-    }
-    let Some(limit) = drive.current_limit else { return Ok(()) };
-    match (drive.protocol, drive.torque_constant, drive.rated_current) {
-        (Protocol::Odrive, None, _) => Err((
-            "`current_limit` without `torque_constant`".into(),
-            "write the N m/A of the output shaft: 8.27 / KV of the motor, times its gear",
-        )),
-        (Protocol::Cia402, _, None) => Err((
-            "`current_limit` without `rated_current`".into(),
-            "write object 0x6075 in A, or an `eds` that has it: 0x6073 is in thousandths of it",
-        )),
-        (Protocol::Cia402, _, Some(rated)) if limit / rated > 65.535 => Err((
-            format!("a current of {limit} A, which is more than 65 times the rated {rated} A"),
-            "write it in A",
-        )),
-        _ => Ok(()),
-    }
 }

@@ -4,13 +4,22 @@ use core::f64::consts::TAU;
 use std::io;
 
 use super::check::Refusal;
-use super::{ControlMode, DriveEntry};
+use super::{ControlMode, DriveEntry, HomingBy};
 use crate::cia402::eds::Eds;
 use crate::cia402::{Mapping, Mode, Node, Object, Service};
 
 /// Objects that the adapter writes beside the mappings.
 const WRITTEN: [Object; 4] =
     [Object::HEARTBEAT_CONSUMER, Object::MODE, Object::INTERPOLATION_UNITS, Object::INTERPOLATION_EXPONENT];
+
+/// Objects that it writes for a homing by the drive.
+const HOMED: [Object; 5] = [
+    Object::HOMING_METHOD,
+    Object::HOMING_VELOCITY,
+    Object::HOMING_CREEP_VELOCITY,
+    Object::HOMING_ACCELERATION,
+    Object::HOME_OFFSET,
+];
 
 const CORRECT: &str = "correct the entry of the drive, or name the data sheet of its firmware";
 
@@ -32,6 +41,9 @@ pub(super) fn complete(
     let object = |(index, subindex)| Object { index, subindex };
     let limits_current = drive.current_limit.map(|_| Object::MAX_CURRENT);
     let needed = WRITTEN.iter().copied().chain(limits_current).map(|object| (object, true));
+    let is_homed = homes_itself(drive);
+    let homed = HOMED.map(|object| (object, true)).into_iter().chain([(Object::MODE_DISPLAY, false)]);
+    let needed = needed.chain(homed.filter(|_| is_homed));
     for (needed, is_written) in needed.chain([(Object::RATED_TORQUE, false), (object((0x6040, 0)), false)]) {
         let Some(entry) = sheet.entry(needed) else {
             return Err(at((
@@ -45,7 +57,30 @@ pub(super) fn complete(
             return Err(at((message, CORRECT)));
         }
     }
-    limits(drive, &sheet).map_err(at)
+    limits(drive, &sheet).and_then(|()| method(drive, &sheet)).map_err(at)
+}
+
+/// Refuses a method of homing beyond those of the drive, 0x6098.
+fn method(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
+    let method = drive.homing.as_ref().and_then(|homing| homing.method).map(i64::from);
+    let (Some(method), Some(entry)) = (method, sheet.entry(Object::HOMING_METHOD)) else { return Ok(()) };
+    // a byte with a sign, which some data sheets write without one
+    let signed = |limit: i64| if (128..256).contains(&limit) { limit - 256 } else { limit };
+    let (low, high) = (entry.low(drive.node).map(signed), entry.high(drive.node).map(signed));
+    // limits without a sign that stand for the whole byte say nothing
+    let is_range = !matches!((low, high), (Some(low), Some(high)) if low > high);
+    let is_beyond = low.is_some_and(|low| method < low) || high.is_some_and(|high| method > high);
+    if is_range && is_beyond {
+        let message =
+            format!("line {}: `homing.method` is {method}, beyond the methods of 0x6098", entry.line());
+        return Err((message, "write a method of the drive's manual"));
+    }
+    Ok(())
+}
+
+/// True if it looks for its mark by a procedure of its own.
+fn homes_itself(drive: &DriveEntry) -> bool {
+    drive.homing.as_ref().is_some_and(|homing| homing.by == HomingBy::Drive)
 }
 
 /// An object as people write it.
@@ -88,6 +123,13 @@ fn mode(drive: &DriveEntry, sheet: &Eds) -> Result<(), Refusal> {
                 format!("the drive does not know the mode {} of `mode`: 0x6502 is 0x{known:X}", mode as u8);
             let advice = "0x80 is position, 0x100 velocity, 0x200 torque: write a `mode` that it knows";
             Err((message, advice))
+        }
+        Some(known) if known != 0 && known >> 5 & 1 == 0 && homes_itself(drive) => {
+            let message = format!("the drive does not know homing: 0x6502 is 0x{known:X}");
+            Err((
+                message,
+                "0x20 is homing, mode 6: leave `homing` out, or home it at its stop with `mode = \"torque\"`",
+            ))
         }
         _ => Ok(()),
     }

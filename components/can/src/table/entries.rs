@@ -4,6 +4,7 @@ use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::HomingEntry;
 use crate::cia402::Mapping;
 use crate::{Range, mit};
 
@@ -89,16 +90,24 @@ pub struct DriveEntry {
     /// data sheet has it.
     pub rated_torque: Option<f64>,
     /// The largest current of the motor, A, which the adapter sets in the drive before it enables it: an effort beyond that current
-    /// is clamped. Of ODrive, with `torque_constant`, and of CiA 402 (object 0x6073). Default: as the drive has it.
+    /// is clamped. Of ODrive, CiA 402 (object 0x6073), Damiao (register 3), Feetech (register 48) and Dynamixel (register 102).
+    /// Default: as the drive has it.
     pub current_limit: Option<f64>,
-    /// Torque of the output shaft per current of the motor, N m/A. Of ODrive only, for `current_limit`.
+    /// Torque of the output shaft per current of the motor, N m/A. Of ODrive, Damiao and Dynamixel, for `current_limit`.
     pub torque_constant: Option<f64>,
+    /// The current of which the limit in the drive is a share: the largest one of a Damiao drive, the stall current of a Feetech, A.
+    pub full_current: Option<f64>,
+    /// The unit of currents in a Dynamixel, A.
+    pub current_unit: Option<f64>,
     /// The rated current, of which currents are thousandths: object 0x6075, A. Of CiA 402 only, for `current_limit`, where it is
     /// required unless the data sheet has it.
     pub rated_current: Option<f64>,
     /// The electronic data sheet of the drive, an EDS or DCF file, relative to the drive table: it tells increments and rated
     /// torque, and the table is checked against its objects, modes, mappings and limits. Of CiA 402 only.
     pub eds: Option<String>,
+    /// The way in which its position becomes known once its power is on, before it is enabled. Default: the position that it tells
+    /// is absolute, or it stands at its zero.
+    pub homing: Option<HomingEntry>,
     /// Process data of which the data sheet says that their mapping cannot be written.
     #[serde(skip)]
     pub(crate) fixed_mappings: Vec<Mapping>,
@@ -149,19 +158,17 @@ pub struct RangeEntry {
 }
 
 impl DriveEntry {
-    /// Torque per current, N m/A, if the table tells.
-    fn torque_per_current(&self) -> Option<f64> {
-        let rated = || Some(self.rated_torque? / self.rated_current?);
-        self.torque_constant.or_else(rated)
+    /// The gains of its own position loop: those of its entry, or full torque at a twentieth of a radian.
+    pub(super) fn loop_gains(&self) -> LoopEntry {
+        let torque = self.ranges.torque;
+        self.position_loop.unwrap_or(LoopEntry { kp: 20.0 * torque, kd: 2.0 * torque })
     }
 
     /// Its ranges, with no more torque than its current gives.
     pub(super) fn limited_ranges(&self) -> mit::Ranges {
         let ranges = self.ranges.ranges();
-        let torque =
-            self.current_limit.zip(self.torque_per_current()).map(|(limit, constant)| limit * constant);
         // one that cannot be is refused as such
-        let torque = torque.filter(|torque| *torque > 0.0);
+        let torque = self.torque_of_current().filter(|torque| *torque > 0.0);
         let most = torque.map_or(ranges.torque.max, |torque| torque.min(ranges.torque.max));
         mit::Ranges { torque: Range::symmetric(most), ..ranges }
     }

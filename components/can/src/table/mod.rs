@@ -1,8 +1,10 @@
 //! The drive table: which drive moves which joint, on which bus, by which protocol, with which settings.
 
 mod check;
+mod current;
 mod data_sheet;
 mod entries;
+mod homing;
 
 use core::ops::Range as Span;
 use std::io;
@@ -17,6 +19,8 @@ use crate::mit;
 use crate::servo::{FAST_AROUND, FAST_HEAD};
 use crate::{OpenError, RealBus};
 pub use entries::{BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry};
+pub(crate) use homing::HomingObjects;
+pub use homing::{HomingBy, HomingEntry, HomingProcedure};
 
 /// A drive table, as its TOML file has it.
 ///
@@ -196,7 +200,8 @@ impl Table {
             node: entry.node,
             reply_id: Id::Standard(entry.master.unwrap_or(usual)),
             reply: entry.protocol.reply()?,
-            ranges: self.ranges(index),
+            // its fields cover these, whatever it is limited to
+            ranges: entry.ranges.ranges(),
             form: self.form(entry),
         })
     }
@@ -208,9 +213,7 @@ impl Table {
 
     /// The gains of a drive's own position loop: those of its entry, or full torque at a twentieth of a radian.
     pub fn position_loop(&self, index: usize) -> LoopEntry {
-        let entry = &self.drives[index];
-        let torque = entry.ranges.torque;
-        entry.position_loop.unwrap_or(LoopEntry { kp: 20.0 * torque, kd: 2.0 * torque })
+        self.drives[index].loop_gains()
     }
 
     fn form(&self, drive: &DriveEntry) -> Form {
@@ -249,12 +252,16 @@ impl Table {
             match drive.protocol {
                 Protocol::Odrive => {
                     exchanges.push((of(8), of(8)));
-                    // torques, and the heartbeat
-                    others.extend([of(8), of(8)]);
+                    // torques, the heartbeat, and temperatures
+                    others.extend([of(8); 3]);
                 }
                 Protocol::Cia402 => {
                     exchanges.push((of(6), of(6)));
                     others.push(of(6));
+                    if drive.is_homed() && drive.homing_objects().is_some() {
+                        // service data beside the process data, and their answer
+                        others.extend([of(8); 2]);
+                    }
                 }
                 Protocol::Moteus => {
                     exchanges.push((Shape { extended: true, ..of(32) }, of(16)));

@@ -2,16 +2,23 @@
 
 use motorium_can::Table;
 use motorium_can::adapter::{Setpoint, WrongSetting};
+use motorium_can::mit::Fault;
 
 use super::drives::{Case, Rig, follow};
 
 const ODRIVE: &str = "report_every = \"2 ms\"";
 const CIA402: &str = "increments = 65536.0\nrated_torque = 5.0";
 
+const DAMIAO: &str = "current_limit = 6.0\nfull_current = 30.0\ntorque_constant = 0.5";
+const FEETECH: &str = "current_limit = 0.6\nfull_current = 2.4";
+const DYNAMIXEL: &str = "current_limit = 1.0\ncurrent_unit = 0.00269\ntorque_constant = 2.0";
+
 /// The torque with which a drive moves towards a goal far away, whose keys are these.
 fn torque(protocol: &'static str, more: String) -> f64 {
     let more: &'static str = more.leak();
-    let mut rig = Rig::healthy(&Case { protocol, bus: "", more, cycle_ns: 2_000_000 });
+    let is_servo = matches!(protocol, "feetech" | "dynamixel");
+    let (bus, cycle_ns) = if is_servo { ("kind = \"serial\"", 5_000_000) } else { ("", 2_000_000) };
+    let mut rig = Rig::healthy(&Case { protocol, bus, more, cycle_ns });
     rig.adapter.set(0, Setpoint { position: 2.0, kp: 4.0, kd: 0.1, ..Setpoint::default() });
     rig.run(20);
     rig.torques[0]
@@ -26,6 +33,64 @@ fn a_drive_gives_no_more_torque_than_its_limit_of_current_whatever_its_loop_want
     assert_eq!(torque("cia402", CIA402.into()), 10.0);
     let limited = torque("cia402", format!("{CIA402}\ncurrent_limit = 1.6\nrated_current = 4.0"));
     assert!((limited - 2.0).abs() < 1e-6, "{limited}");
+    // a quarter of the stall current is a quarter of 10 N m; 371 units of 2.69 mA and 2 N m/A are 1.996 N m
+    assert_eq!(torque("feetech", String::new()), 10.0);
+    let limited = torque("feetech", FEETECH.into());
+    assert!((limited - 2.5).abs() < 1e-6, "{limited}");
+    assert_eq!(torque("dynamixel", String::new()), 10.0);
+    let limited = torque("dynamixel", DYNAMIXEL.into());
+    assert!((limited - 371.0 * 0.00269 * 2.0).abs() < 1e-6, "{limited}");
+}
+
+#[test]
+fn a_damiao_drive_lets_go_at_the_limit_of_its_current() {
+    let follow = |position: f64| {
+        let mut rig = Rig::healthy(&Case { protocol: "damiao", bus: "", more: DAMIAO, cycle_ns: 1_000_000 });
+        rig.adapter.set(0, Setpoint { position, kp: 20.0, kd: 0.1, ..Setpoint::default() });
+        rig.run(20);
+        (rig.torques[0], rig.adapter.links()[0].fault(), rig.adapter.has_tripped())
+    };
+    // 6 A of 0.5 N m/A are 3 N m: 2 N m over 0.1 rad, and 4 N m over 0.2
+    let (torque, fault, tripped) = follow(0.6);
+    assert!((torque - 2.0).abs() < 0.05 && fault.is_none() && !tripped, "{torque} {fault:?}");
+    assert_eq!(follow(0.7), (0.0, Some(Fault::OverCurrent), true));
+}
+
+#[test]
+fn a_servo_tells_its_effort_by_its_current_and_by_a_share_of_all_it_has() {
+    for (protocol, more) in [("feetech", FEETECH), ("dynamixel", DYNAMIXEL)] {
+        let case = Case { protocol, bus: "kind = \"serial\"", more, cycle_ns: 5_000_000 };
+        let mut rig = Rig::healthy(&case);
+        rig.adapter.set(0, Setpoint { position: 2.0, kp: 4.0, ..Setpoint::default() });
+        rig.run(20);
+        let (effort, torque) = (rig.adapter.links()[0].state().2, rig.torques[0]);
+        assert!((effort - torque).abs() < 0.011, "{protocol}: {effort} {torque}");
+    }
+}
+
+#[test]
+fn a_servo_that_does_not_limit_its_current_is_not_enabled() {
+    let table = |unit: &str| {
+        let text = format!(
+            "[[bus]]\nname = \"line\"\nkind = \"serial\"\nbitrate = 1_000_000\n\n[[drive]]\njoint = \"a\"\nbus = \"line\"\n\
+             protocol = \"dynamixel\"\nnode = 5\nwatchdog = \"20 ms\"\nranges = {{ position = 3.0, velocity = 30.0, torque = 10.0 }}\n\
+             {unit}\n"
+        );
+        Table::parse(&text).unwrap()
+    };
+    let limited = "current_limit = 1.0\ncurrent_unit = 0.001\ntorque_constant = 1.0";
+    assert_eq!(follow(&table(limited), None), (true, None));
+    // one in the mode of positions has no limit of its current
+    let wrong = WrongSetting::OperatingMode { found: 3, expected: 5 };
+    assert_eq!(follow(&table(limited), Some(&table(""))), (false, Some(wrong)));
+}
+
+#[test]
+fn the_range_of_a_damiao_drive_stays_that_of_its_fields_whatever_its_current() {
+    let limited = table("damiao", DAMIAO).unwrap();
+    assert_eq!(limited.ranges(0).torque.max, 3.0);
+    assert_eq!(limited.drive(0).unwrap().ranges.torque.max, 10.0);
+    assert_eq!(follow(&limited, None), (true, None));
 }
 
 fn table(protocol: &str, more: &str) -> Result<Table, String> {
@@ -62,7 +127,18 @@ fn a_limit_of_current_that_cannot_be_is_refused_with_what_is_missing() {
         ("odrive", "current_limit = 20.0", "`current_limit` without `torque_constant`"),
         ("odrive", "current_limit = -1.0\ntorque_constant = 0.1", "`current_limit` is -1"),
         ("odrive", "rated_current = 3.0", "`rated_current`, which is a key of CiA 402"),
-        ("damiao", "current_limit = 20.0", "`current_limit`, which is a key of ODrive and CiA 402"),
+        ("damiao", "current_limit = 20.0", "`current_limit` without `torque_constant`"),
+        ("damiao", "current_limit = 20.0\ntorque_constant = 1.0", "`current_limit` without `full_current`"),
+        (
+            "damiao",
+            "current_limit = 20.0\ntorque_constant = 1.0\nfull_current = 20.0",
+            "a current of 20 A, which the drive does not reach",
+        ),
+        ("odrive", "full_current = 20.0", "`full_current`, which is a key of Damiao and Feetech"),
+        ("odrive", "current_unit = 0.001", "`current_unit`, which is a key of Dynamixel"),
+        ("mini_cheetah", "current_limit = 20.0", "`current_limit`, which MiniCheetah cannot be told"),
+        ("cubemars", "current_limit = 20.0", "`current_limit`, which Cubemars cannot be told"),
+        ("robstride", "current_limit = 20.0", "`current_limit`, which Robstride cannot be told"),
         (
             "cia402",
             "increments = 4096.0\nrated_torque = 5.0\ncurrent_limit = 2.0",

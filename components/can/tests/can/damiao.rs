@@ -16,7 +16,7 @@ fn a_request_has_the_published_bytes_and_is_understood_by_the_drive() {
 #[test]
 fn a_range_and_a_watchdog_come_back_as_they_are_set() {
     for (register, value) in [
-        (Register::VelocityMax, Value::Range(45.0)),
+        (Register::VelocityMax, Value::Number(45.0)),
         (Register::Timeout, Value::Watchdog(Some(20_000_000))),
         (Register::Timeout, Value::Watchdog(None)),
     ] {
@@ -37,9 +37,9 @@ fn an_answer_about_something_else_is_refused() {
         Request { node: 7, register: Register::TorqueMax },
         Request { node: 7, register: Register::PositionMax },
     );
-    let answer = other.answer(MASTER, Value::Range(1.0));
+    let answer = other.answer(MASTER, Value::Number(1.0));
     assert_eq!(asked.value(&answer, MASTER), Err(DecodeError::Answer { found: 21, expected: 23 }));
-    let endless = asked.answer(MASTER, Value::Range(f64::INFINITY));
-    let refused = Err(DecodeError::NotFinite { field: "the end of a range" });
+    let endless = asked.answer(MASTER, Value::Number(f64::INFINITY));
+    let refused = Err(DecodeError::NotFinite { field: "the number of a register" });
     assert_eq!(asked.value(&endless, MASTER), refused);
 }

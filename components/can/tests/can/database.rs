@@ -84,7 +84,8 @@ fn states_and_modes_have_the_numbers_of_the_database() {
     let node = Node::new(5).unwrap();
     let database = odrive();
     let text = |frame: &Frame| database.decode(frame).unwrap().to_string();
-    let heartbeat = node.report_frame(&Report::Heartbeat { error: 0x40, state: AxisState::ClosedLoop });
+    let heartbeat =
+        node.report_frame(&Report::Heartbeat { error: 0x40, state: AxisState::ClosedLoop, result: 0 });
     assert_eq!(text(&heartbeat), "Heartbeat(Axis_Error: 64, Axis_State: CLOSED_LOOP_CONTROL)");
     assert_eq!(
         text(&node.frame(&Instruction::SetState(AxisState::Idle))),

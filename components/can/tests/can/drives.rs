@@ -135,7 +135,7 @@ impl Rig {
             let Event::Delivered { sender, frame, time_ns } = event else { panic!("{event:?}") };
             if sender > 0 {
                 for (index, drive) in drives.iter_mut().enumerate() {
-                    drive.overhear(&frame, &mut |answer| {
+                    drive.observe(&frame, &mut |answer| {
                         bus.enqueue(index + 1, answer, time_ns);
                     });
                 }

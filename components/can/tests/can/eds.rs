@@ -106,6 +106,50 @@ fn the_rated_current_of_a_data_sheet_serves_a_limit_of_current_whose_object_it_m
 }
 
 #[test]
+fn a_homing_by_the_drive_needs_its_mode_and_its_objects_and_a_method_that_it_knows() {
+    let homing = |method: i8| {
+        format!(
+            "{RANGES}\ncurrent_limit = 2.0\nrated_current = 4.0\nhoming = {{ by = \"drive\", method = {method}, velocity = 0.5, creep_velocity = 0.1, acceleration = 1.0 }}"
+        )
+    };
+    let object = |section: &str, access: &str, more: &str| {
+        format!(
+            "\n[{section}]\nParameterName=P\nObjectType=0x7\nDataType=0x0007\nAccessType={access}\n{more}\n"
+        )
+    };
+    let with = |access: &str, methods: &str| {
+        let rest = ["6099sub1", "6099sub2", "609A", "607C"].map(|section| object(section, access, ""));
+        let method = object("6098", "rw", methods);
+        let rest = [rest.concat(), object("6061", "ro", ""), object("6073", "rw", "")].concat();
+        format!("{}{method}{rest}", SHEET.replace("0x380", "0x3A0"))
+    };
+    // the lowest method is -4, written without a sign
+    let all = |access: &str| with(access, "LowLimit=0xFC\nHighLimit=35");
+    let drive = table(&homing(17), &all("rw")).unwrap().drives.remove(0);
+    // half a radian a second is 65536 / 4 pi increments
+    let objects = [(0x6098, 0, 17), (0x6099, 1, 5215), (0x6099, 2, 1043), (0x609a, 0, 10430), (0x607c, 0, 0)];
+    assert_eq!(drive.homing_registers(), objects);
+    assert!(table(&homing(-4), &all("rw")).is_ok());
+    // the whole byte, without a sign
+    assert!(table(&homing(17), &with("rw", "LowLimit=0x00\nHighLimit=0xFF")).is_ok());
+    let refused = |method: i8, sheet: &str| table(&homing(method), sheet).unwrap_err().to_string();
+    let found = refused(17, SHEET);
+    assert!(found.contains("the drive does not know homing: 0x6502 is 0x380"), "{found}");
+    let largest = object("6073", "rw", "");
+    let found = refused(17, &format!("{}{largest}", SHEET.replace("0x380", "0x3A0")));
+    assert!(found.contains("it has no object 0x6098:00"), "{found}");
+    let found = refused(17, &all("ro"));
+    assert!(found.contains("0x6099:01 \"P\" cannot be written"), "{found}");
+    for method in [37, -5] {
+        let found = refused(method, &all("rw"));
+        assert!(
+            found.contains(&format!("`homing.method` is {method}, beyond the methods of 0x6098")),
+            "{found}"
+        );
+    }
+}
+
+#[test]
 fn an_entry_that_the_drive_cannot_follow_by_its_data_sheet_is_refused_with_both_values() {
     let refused = |entry: &str, sheet: &str| table(entry, sheet).unwrap_err().to_string();
     let found = refused(RANGES, &SHEET.replace("0x380", "0x300"));

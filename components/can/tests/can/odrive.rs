@@ -38,8 +38,13 @@ fn a_heartbeat_and_estimates_are_read() {
     let heartbeat = Frame::classic(Id::Standard(0x061), &[0x40, 0, 0, 0, 8, 1, 0, 1]);
     assert_eq!(
         node().report(&heartbeat),
-        Ok(Report::Heartbeat { error: 0x40, state: AxisState::ClosedLoop })
+        Ok(Report::Heartbeat { error: 0x40, state: AxisState::ClosedLoop, result: 1 })
     );
+    // 30 and 45 degrees are 0x41F00000 and 0x42340000; 1 and -0.5 A 0x3F800000 and 0xBF000000
+    let temperature = Frame::classic(Id::Standard(0x075), &[0, 0, 0xf0, 0x41, 0, 0, 0x34, 0x42]);
+    assert_eq!(node().report(&temperature), Ok(Report::Temperature { transistors: 30.0, motor: 45.0 }));
+    let currents = Frame::classic(Id::Standard(0x074), &[0, 0, 0x80, 0x3f, 0, 0, 0, 0xbf]);
+    assert_eq!(node().report(&currents), Ok(Report::Currents { target: 1.0, measured: -0.5 }));
     let estimates = Frame::classic(Id::Standard(0x069), &[0, 0, 0x80, 0x3f, 0, 0, 0, 0xbf]);
     assert_eq!(node().report(&estimates), Ok(Report::Encoder { position: TAU, velocity: -0.5 * TAU }));
 }

@@ -65,7 +65,7 @@ fn programs_share_a_bus_over_a_socket_and_follow_the_state_of_its_controller() {
         assert_eq!((bus.condition(), bus.counts().bus_off, bus.counts().queue_full), (Condition::Off, 1, 1));
         assert_eq!(bus.send(&[frame(1, &[])]), 0, "a controller that has left the bus sends nothing");
     }
-    offer.set_down(true);
+    offer.set_link_down(true);
     offer.flush();
     assert_eq!((one.receive(&mut inbox), one.condition(), one.counts().down), (0, Condition::Down, 1));
     offer.report(&Report { state: Some(ErrorState::Active), ..Report::default() }, 0);
@@ -155,10 +155,10 @@ fn an_offered_terminal_is_an_adapter_with_slcan() {
         assert_eq!(bus.condition(), condition);
     }
     assert_eq!((bus.counts().unacknowledged, bus.counts().bus_off), (4, 1));
-    offer.set_down(true);
+    offer.set_link_down(true);
     assert_eq!((bus.receive(&mut [Received::default(); 4]), bus.condition()), (0, Condition::Gone));
     assert!(matches!(SlcanBus::open(&path, RATES, true), Err(OpenError::NoLine(_))));
-    offer.set_down(false);
+    offer.set_link_down(false);
     assert!(SlcanBus::open(&path, RATES, true).is_ok());
     drop(offer);
     assert!(std::path::Path::new(&path).symlink_metadata().is_err(), "its link is gone");

@@ -75,3 +75,22 @@ fn the_arithmetic_stands_in_the_words_of_the_budget() {
     );
     assert_eq!(budget.most(), 3);
 }
+
+#[test]
+fn the_budget_counts_what_a_drive_sends_beside_its_answers() {
+    let others = |protocol: &str, more: &str| {
+        let drive = drive("a", 1, more).replace("damiao", protocol);
+        Table::parse(&format!("{BUS}{drive}")).unwrap().budget(0, 1_000_000).others.len()
+    };
+    // torques, heartbeat, temperatures
+    assert_eq!(others("odrive", ""), 3);
+    let cia402 = "increments = 65536.0\nrated_torque = 5.0\ncurrent_limit = 2.0\nrated_current = 4.0";
+    let homing =
+        "homing = { by = \"drive\", method = 17, velocity = 0.6, creep_velocity = 0.1, acceleration = 2.0 }";
+    // its second process data, synchronisation, heartbeat of the adapter; service data while it homes itself
+    assert_eq!(others("cia402", cia402), 3);
+    assert_eq!(others("cia402", &format!("{cia402}\n{homing}")), 5);
+    let at_stop =
+        "mode = \"torque\"\nhoming = { by = \"stop\", velocity = 0.5, effort = 1.0, position = 1.0 }";
+    assert_eq!(others("cia402", &format!("{cia402}\n{at_stop}")), 3);
+}

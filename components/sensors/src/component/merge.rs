@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use motorium::component::RunClock;
 use motorium::prelude::*;
 use motorium_robots::RobotSource;
 use schemars::JsonSchema;
@@ -30,7 +31,7 @@ pub struct JointMergeConfig {
 pub struct PartConfig {
     /// Names of its joints, in the order of its joint states.
     pub joints: Vec<String>,
-    /// Age of its newest joint state beyond which nothing is published. Default 20 ms.
+    /// Time since its newest joint state was measured beyond which nothing is published. Default 20 ms.
     #[serde(default = "stale_after")]
     pub stale_after: TimeSpan,
 }
@@ -45,9 +46,13 @@ fn stale_after() -> TimeSpan {
 /// It publishes once a step, as long as the state of every part is fresh: when one of them stops, so does the merged state,
 /// and what is triggered by it or reads it goes to its safe state as without a sensor. How often that happened, and by which
 /// part, is in the result.
+///
+/// Writers may have rates of their own: each step takes the newest state of every part, so that of a slow writer stands in several
+/// merged states. The source time of a merged state is that of the oldest part in it.
 pub struct JointMerge {
     parts: Vec<Part>,
     merged: Output<JointState>,
+    clock: RunClock,
     joints: usize,
     published: u64,
     withheld: u64,
@@ -62,6 +67,8 @@ struct Part {
     stale_after_ns: u64,
     /// Steps in which it was too old, or missing.
     stale: u64,
+    /// Largest time from its measurement to the publication of a merged state, ns.
+    oldest_ns: u64,
 }
 
 impl Component for JointMerge {
@@ -88,16 +95,20 @@ impl Component for JointMerge {
         let mut parts = Vec::new();
         for (joints, (name, part)) in places(&config, &names)?.into_iter().zip(&config.parts) {
             let (input, stale_after_ns) = (setup.input(name)?, part.stale_after.ns);
-            parts.push(Part { name: name.clone(), input, joints, stale_after_ns, stale: 0 });
+            parts.push(Part { name: name.clone(), input, joints, stale_after_ns, stale: 0, oldest_ns: 0 });
         }
         let merged = setup.output("joint_state")?;
-        Ok(Self { parts, merged, joints: names.len(), published: 0, withheld: 0 })
+        let clock = setup.clock();
+        Ok(Self { parts, merged, clock, joints: names.len(), published: 0, withheld: 0 })
     }
 
     fn step(&mut self, _: &Tick) -> Result<(), StepError> {
-        let mut fresh = true;
+        let (mut fresh, mut source_ns) = (true, u64::MAX);
+        let now_ns = self.clock.stamp_ns(self.clock.now_ns());
         for part in &mut self.parts {
-            let age_ns = part.input.latest().map(|state| state.age_ns());
+            let measured_ns = part.input.latest().map(|state| state.stamp().source_time);
+            let age_ns = measured_ns.map(|measured_ns| now_ns.saturating_sub(measured_ns));
+            source_ns = source_ns.min(measured_ns.unwrap_or(0));
             let is_stale = age_ns.is_none_or(|age_ns| age_ns > part.stale_after_ns);
             part.stale += u64::from(is_stale);
             fresh &= !is_stale;
@@ -109,8 +120,9 @@ impl Component for JointMerge {
         let mut merged = self.merged.loan()?;
         merged.set_count(self.joints);
         for part in &mut self.parts {
-            // the value that was found fresh above, or a newer one
-            let Some(state) = part.input.latest() else { continue };
+            // the value that was found fresh above
+            let Some(state) = part.input.current() else { continue };
+            part.oldest_ns = part.oldest_ns.max(now_ns.saturating_sub(state.stamp().source_time));
             if state.count() != part.joints.len() {
                 return Err(StepError::failed("a part has another number of joints than its list"));
             }
@@ -120,21 +132,28 @@ impl Component for JointMerge {
                 merged.effort_mut()[*to] = state.effort()[from];
             }
         }
-        merged.publish()?;
+        merged.publish_from(source_ns)?;
         self.published += 1;
         Ok(())
     }
 
     fn reset(&mut self, _: &Episode) -> Result<(), StepError> {
         (self.published, self.withheld) = (0, 0);
-        self.parts.iter_mut().for_each(|part| part.stale = 0);
+        self.parts.iter_mut().for_each(|part| (part.stale, part.oldest_ns) = (0, 0));
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
         let stale: BTreeMap<&str, u64> =
             self.parts.iter().map(|part| (part.name.as_str(), part.stale)).collect();
-        Some(serde_json::json!({ "published": self.published, "withheld": self.withheld, "stale": stale }))
+        let oldest_ms: BTreeMap<&str, f64> =
+            self.parts.iter().map(|part| (part.name.as_str(), part.oldest_ns as f64 * 1e-6)).collect();
+        Some(serde_json::json!({
+            "published": self.published,
+            "withheld": self.withheld,
+            "stale": stale,
+            "oldest_ms": oldest_ms,
+        }))
     }
 }
 

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use motorium::plan::{ComponentPlan, Plan, Program};
-use motorium_can::{Budget, CanAdapterConfig, Table};
+use motorium_can::{Budget, CanAdapterConfig, DriveEntry, HomingBy, HomingProcedure, Table};
 use serde_json::{Value, json};
 
 use crate::commands::loading::GraphArgs;
@@ -104,7 +104,55 @@ fn value(found: &Found) -> Value {
             "arithmetic": budget.to_string(),
         })
     };
-    json!({ "component": found.component, "buses": found.budgets().map(bus).collect::<Vec<_>>() })
+    let homing: Vec<Value> = homed(&found.table).map(|(order, drive)| homing(order, drive)).collect();
+    json!({ "component": found.component, "buses": found.budgets().map(bus).collect::<Vec<_>>(), "homing": homing })
+}
+
+/// The drives that are homed before anything is enabled, in their order.
+fn homed(table: &Table) -> impl Iterator<Item = (u8, &DriveEntry)> {
+    let order = |drive: &DriveEntry| drive.homing.as_ref().and_then(|homing| homing.order).unwrap_or(0);
+    let mut drives: Vec<_> = table.drives.iter().filter(|drive| drive.is_homed()).collect();
+    drives.sort_by_key(|drive| order(drive));
+    drives.into_iter().map(move |drive| (order(drive), drive))
+}
+
+fn homing(order: u8, drive: &DriveEntry) -> Value {
+    let homing = drive.homing.as_ref();
+    json!({
+        "joint": drive.joint,
+        "order": order,
+        "by": homing.map(|homing| if homing.by == HomingBy::Drive { "drive" } else { "stop" }),
+        "procedure": describe_homing(drive),
+        "timeout_s": homing.map(|homing| homing.timeout().as_secs_f64()),
+        "objects": drive.homing_registers().into_iter().map(|(index, subindex, number)| {
+            json!({ "object": format!("0x{index:04X}:{subindex:02X}"), "number": number })
+        }).collect::<Vec<_>>(),
+    })
+}
+
+/// The homing of a drive in words, in the units of the drive where it is told numbers.
+fn describe_homing(drive: &DriveEntry) -> String {
+    let Some(homing) = &drive.homing else { return String::new() };
+    let number = |value: Option<f64>| value.unwrap_or_default();
+    match (homing.by, homing.method) {
+        (HomingBy::Stop, _) => format!(
+            "by the adapter, at {} with up to {} against the stop at {}",
+            number(homing.velocity),
+            number(homing.effort),
+            number(homing.position)
+        ),
+        (HomingBy::Drive, Some(method)) => {
+            let objects = drive.homing_registers().into_iter().skip(1);
+            let objects: Vec<String> = objects
+                .map(|(index, subindex, number)| format!("0x{index:04X}:{subindex:02X} = {number}"))
+                .collect();
+            format!("by the drive, method {method}, {}", objects.join(", "))
+        }
+        (HomingBy::Drive, None) => match homing.procedure.unwrap_or_default() {
+            HomingProcedure::Endstop => "by the drive, to its endstop".into(),
+            HomingProcedure::Index => "by the drive, to the index of its encoder".into(),
+        },
+    }
 }
 
 fn describe(found: &Found) -> String {
@@ -119,6 +167,11 @@ fn describe(found: &Found) -> String {
         if let Some(time) = found.answers_have {
             text += &format!("    answers have {:.0} us\n", time.as_secs_f64() * 1e6);
         }
+    }
+    for (order, drive) in homed(&found.table) {
+        let timeout = drive.homing.as_ref().map_or(0.0, |homing| homing.timeout().as_secs_f64());
+        text +=
+            &format!("  homing {order}: {} {}, within {timeout} s\n", drive.joint, describe_homing(drive));
     }
     text
 }

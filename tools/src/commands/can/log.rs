@@ -25,7 +25,7 @@ use crate::out::{errln, outln};
 /// Example: motorium can log can0 can1 --for 10s --output ride.log
 #[derive(Debug, clap::Args)]
 pub(super) struct Log {
-    /// The interfaces
+    /// The interfaces, such as `can0`, or `unix:NAME` of a simulated bus
     #[arg(required_unless_present = "read")]
     interfaces: Vec<String>,
     /// Print a log that was kept instead; `-` for standard input
@@ -53,7 +53,7 @@ impl Log {
         if let Some(path) = &self.read {
             return self.print_log(path, &interpreter);
         }
-        let listener = Listener::open(self.interfaces.iter().map(String::as_str)).map_err(refused)?;
+        let mut listener = Listener::open(self.interfaces.iter().map(String::as_str)).map_err(refused)?;
         let interrupted = interrupted()?;
         let mut file = match &self.output {
             Some(path) => {

@@ -23,7 +23,7 @@ use crate::screen::is_drawable;
 /// Example: motorium can monitor can0 --bitrate 1000000
 #[derive(Debug, clap::Args)]
 pub(super) struct Monitor {
-    /// The interfaces; all that are up if not given
+    /// The interfaces, such as `can0`, or `unix:NAME` of a simulated bus; all of the kernel that are up if not given
     interfaces: Vec<String>,
     /// Bits per second, from which the load follows; as the interface has it if not given
     #[arg(long, value_name = "BITS")]
@@ -58,7 +58,7 @@ impl Monitor {
             );
             anyhow::ensure!(!names.is_empty(), "no CAN interface is up: `motorium can scan` lists them");
         }
-        let listener = Listener::open(names.iter().map(String::as_str)).map_err(refused)?;
+        let mut listener = Listener::open(names.iter().map(String::as_str)).map_err(refused)?;
         let interrupted = interrupted()?;
         let mut traffic = Traffic::default();
         for name in &names {

@@ -23,7 +23,7 @@ use crate::out::errln;
 /// Example: motorium can send can0 001#FFFFFFFFFFFFFFFD
 #[derive(Debug, clap::Args)]
 pub(super) struct Send {
-    /// The interface
+    /// The interface, such as `can0`, or `unix:NAME` of a simulated bus
     interface: String,
     /// The frames
     #[arg(required_unless_present = "log")]
@@ -48,7 +48,7 @@ impl Send {
                 return Ok(exit::invalid());
             }
         };
-        let sender = Sender::open(&self.interface).map_err(refused)?;
+        let mut sender = Sender::open(&self.interface).map_err(refused)?;
         let interrupted = super::interrupted()?;
         let is_over = || interrupted.load(std::sync::atomic::Ordering::Relaxed);
         let began = Instant::now();

@@ -3,17 +3,20 @@
 //! The set-up maps the process data, has the drive wait for the heartbeat of the adapter, which is its watchdog, and compares the
 //! rated torque with the table. Then the node is started, and the state machine led to enabled by the controlword.
 
+mod homing;
+
 use core::f64::consts::TAU;
 
-use super::{Heard, Motion, Order};
-use crate::adapter::WrongSetting;
+use super::{Motion, Order, Response};
+use crate::adapter::{HomingFault, WrongSetting};
 use crate::cia402::{
     ADAPTER, DISABLE_VOLTAGE, DriveState, FAULT_RESET, Mapping, Mode, NetworkCommand, NetworkState, Node,
     Object, Process, Service, Setpoint, Value,
 };
 use crate::frame::{DecodeError, Frame};
 use crate::mit::{Command, Fault, Feedback, Ranges, State};
-use crate::table::{ControlMode, LoopEntry, Table};
+use crate::table::{ControlMode, HomingObjects, LoopEntry, Table};
+use homing::Stage;
 
 #[derive(Clone, Debug)]
 pub(in crate::adapter) struct Cia402 {
@@ -24,6 +27,9 @@ pub(in crate::adapter) struct Cia402 {
     rated_torque: f64,
     /// The largest current and the rated one, A; `None` for the limit that stands in the drive.
     currents: Option<[f64; 2]>,
+    /// The objects of its homing, if it is homed by itself.
+    homes: Option<HomingObjects>,
+    homing: Stage,
     ranges: Ranges,
     gains: LoopEntry,
     /// Process data whose mapping is compared, and not written.
@@ -53,9 +59,23 @@ const INTERPOLATION_EXPONENT: u8 = WATCHDOG + 4;
 const RATED_TORQUE: u8 = WATCHDOG + 5;
 const SETTINGS: u8 = WATCHDOG + 6;
 /// Settings of a drive whose current is limited.
-const RATED_CURRENT: u8 = SETTINGS;
-const MAX_CURRENT: u8 = SETTINGS + 1;
-const LIMITED_SETTINGS: u8 = SETTINGS + 2;
+const LIMITED: [Extra; 2] = [Extra::RatedCurrent, Extra::MaxCurrent];
+/// Settings of a drive that homes itself.
+const HOMED: [Extra; 5] = [
+    Extra::Homing(Object::HOMING_METHOD),
+    Extra::Homing(Object::HOMING_VELOCITY),
+    Extra::Homing(Object::HOMING_CREEP_VELOCITY),
+    Extra::Homing(Object::HOMING_ACCELERATION),
+    Extra::Homing(Object::HOME_OFFSET),
+];
+
+/// A setting that not every drive has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Extra {
+    RatedCurrent,
+    MaxCurrent,
+    Homing(Object),
+}
 
 impl Cia402 {
     pub(super) fn new(table: &Table, index: usize) -> Self {
@@ -67,6 +87,8 @@ impl Cia402 {
             increments: entry.increments.unwrap_or(1.0),
             rated_torque: entry.rated_torque.unwrap_or(1.0),
             currents: entry.current_limit.zip(entry.rated_current).map(|(limit, rated)| [limit, rated]),
+            homes: entry.homing_objects(),
+            homing: Stage::None,
             ranges: table.ranges(index),
             gains: table.position_loop(index),
             fixed: entry.fixed_mappings.clone(),
@@ -85,12 +107,35 @@ impl Cia402 {
     }
 
     pub(super) fn checks(&self) -> u8 {
-        if self.currents.is_some() { LIMITED_SETTINGS } else { SETTINGS }
+        SETTINGS + self.extras().count() as u8
+    }
+
+    /// The settings that this drive has beside those of all.
+    fn extras(&self) -> impl Iterator<Item = Extra> {
+        let limited = LIMITED.into_iter().filter(|_| self.currents.is_some());
+        limited.chain(HOMED.into_iter().filter(|_| self.homes.is_some()))
+    }
+
+    fn extra(&self, setting: u8) -> Option<Extra> {
+        self.extras().nth(setting.checked_sub(SETTINGS)?.into())
+    }
+
+    pub(super) fn begin_homing(&mut self) {
+        self.homing = Stage::begin();
+    }
+
+    pub(super) fn homing_result(&self) -> Option<Result<(), HomingFault>> {
+        self.homing.result()
     }
 
     pub(super) fn restart(&mut self) {
-        (self.is_started, self.clears, self.state) = (false, CLEARS, DriveState::NotReady);
-        (self.has_position, self.emergency) = (false, 0);
+        self.forget();
+        self.clears = CLEARS;
+    }
+
+    pub(super) fn forget(&mut self) {
+        (self.is_started, self.state, self.has_position) = (false, DriveState::NotReady, false);
+        (self.emergency, self.homing) = (0, Stage::None);
     }
 
     pub(super) fn is_from(&self, frame: &Frame) -> bool {
@@ -125,11 +170,7 @@ impl Cia402 {
                 Service::Write(Object::INTERPOLATION_EXPONENT, Value::byte(exponent as u8))
             }
             RATED_TORQUE => Service::Read(Object::RATED_TORQUE),
-            RATED_CURRENT => Service::Read(Object::RATED_CURRENT),
-            MAX_CURRENT => {
-                let [limit, rated] = self.currents.unwrap_or([0.0, 1.0]);
-                Service::Write(Object::MAX_CURRENT, Value::word(nearest(limit / rated * 1e3) as u16))
-            }
+            extra if extra >= SETTINGS => self.extra_setting(extra),
             step => {
                 let mapping = Mapping::ALL[usize::from(step / Mapping::STEPS) % Mapping::ALL.len()];
                 let service = mapping.step(self.node, self.cyclic(), step % Mapping::STEPS);
@@ -140,6 +181,27 @@ impl Cia402 {
                     _ => service,
                 }
             }
+        }
+    }
+
+    /// The service of a setting that not every drive has.
+    fn extra_setting(&self, setting: u8) -> Service {
+        let HomingObjects { method, velocities, acceleration } = self.homes.unwrap_or_default();
+        let write = |object, number| Service::Write(object, Value::long(number));
+        match self.extra(setting) {
+            Some(Extra::MaxCurrent) => {
+                let [limit, rated] = self.currents.unwrap_or([0.0, 1.0]);
+                Service::Write(Object::MAX_CURRENT, Value::word(nearest(limit / rated * 1e3) as u16))
+            }
+            Some(Extra::Homing(Object::HOMING_METHOD)) => {
+                Service::Write(Object::HOMING_METHOD, Value::byte(method as u8))
+            }
+            Some(Extra::Homing(object @ Object::HOMING_VELOCITY)) => write(object, velocities[0]),
+            Some(Extra::Homing(object @ Object::HOMING_CREEP_VELOCITY)) => write(object, velocities[1]),
+            Some(Extra::Homing(object @ Object::HOMING_ACCELERATION)) => write(object, acceleration),
+            // it says zero at its mark: where that is stands in the table
+            Some(Extra::Homing(object)) => write(object, 0),
+            Some(Extra::RatedCurrent) | None => Service::Read(Object::RATED_CURRENT),
         }
     }
 
@@ -171,6 +233,7 @@ impl Cia402 {
                 (self.state.towards_enabled().unwrap_or(DISABLE_VOLTAGE), Command::default())
             }
             Order::Follow(command) => (0x0f, *command),
+            Order::Home if self.clears == 0 => (self.home(frames), Command::default()),
             _ => {
                 // at the rising edge of the bit
                 let resets = self.clears == CLEARS - 1;
@@ -189,25 +252,28 @@ impl Cia402 {
         frames.push(self.node.setpoint(self.cyclic(), &setpoint));
     }
 
-    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         if frame.id == self.node.id(0x080) {
             self.emergency = self.node.emergency(frame)?.code;
-            return Ok(Heard::Aside);
+            return Ok(Response::Other);
         }
         if frame.id == self.node.id(0x700) {
             return Ok(match self.node.heartbeat(frame)? {
                 // it has lost its settings
-                NetworkState::BootUp if checking.is_none() => Heard::State(State::Disabled),
-                _ => Heard::Aside,
+                NetworkState::BootUp => Response::Restarted,
+                _ => Response::Other,
             });
         }
         match checking {
             Some(setting) if frame.id == self.node.id(0x580) => {
-                self.check(setting, frame).map(Heard::Setting)
+                self.check(setting, frame).map(Response::Setting)
             }
             // process data of before
-            Some(_) => Ok(Heard::Aside),
-            None if frame.id == self.node.id(0x580) => Ok(Heard::Aside),
+            Some(_) => Ok(Response::Other),
+            None if frame.id == self.node.id(0x580) => {
+                self.take_homing_service(frame);
+                Ok(Response::Other)
+            }
             None => self.process(frame),
         }
     }
@@ -239,7 +305,7 @@ impl Cia402 {
                 let (found, expected) = (f64::from(value) * 1e-3, self.rated_torque);
                 ((found - expected).abs() > 0.6e-3).then_some(WrongSetting::RatedTorque { found, expected })
             }
-            RATED_CURRENT => {
+            extra if self.extra(extra) == Some(Extra::RatedCurrent) => {
                 let (found, expected) =
                     (f64::from(value) * 1e-3, self.currents.map_or(0.0, |[_, rated]| rated));
                 ((found - expected).abs() > 0.6e-3).then_some(WrongSetting::RatedCurrent { found, expected })
@@ -248,16 +314,17 @@ impl Cia402 {
         })
     }
 
-    fn process(&mut self, frame: &Frame) -> Result<Heard, DecodeError> {
+    fn process(&mut self, frame: &Frame) -> Result<Response, DecodeError> {
         match self.node.process(frame)? {
             Process::Position { statusword, position } => {
                 self.state = DriveState::of(statusword)?;
+                self.take_homing_status(statusword);
                 self.motion.position = f64::from(position) / self.increments * TAU;
                 self.has_position = true;
-                Ok(Heard::Aside)
+                Ok(Response::Other)
             }
             // the answer is whole with both frames
-            Process::Motion { .. } if !core::mem::take(&mut self.has_position) => Ok(Heard::Aside),
+            Process::Motion { .. } if !core::mem::take(&mut self.has_position) => Ok(Response::Other),
             Process::Motion { velocity, torque } => {
                 self.motion.velocity = f64::from(velocity) / self.increments * TAU;
                 let state = match self.state {
@@ -267,7 +334,7 @@ impl Cia402 {
                     }
                     _ => State::Disabled,
                 };
-                Ok(Heard::Feedback(Feedback {
+                Ok(Response::Feedback(Feedback {
                     position: self.motion.position,
                     velocity: self.motion.velocity,
                     torque: f64::from(torque) * 1e-3 * self.rated_torque,

@@ -1,29 +1,36 @@
 //! The dialogue with drives of the MIT family: a frame to the drive, one back.
 
-use super::{Heard, Motion, Order};
+use super::{Motion, Order, Response};
 use crate::adapter::WrongSetting;
 use crate::adapter::rounding::Rounding;
 use crate::damiao::{Register, Request, Value};
 use crate::frame::{DecodeError, Form, Frame};
 use crate::mit::{Command, Drive, Instruction, Reply};
 
+/// Registers that are read of every Damiao drive.
+const CHECKED: u8 = Register::CHECKED.len() as u8;
+
 #[derive(Clone, Debug)]
 pub(in crate::adapter) struct Mit {
     codec: Drive,
     watchdog_ns: u64,
+    /// The share of its full current at which a Damiao drive lets go; `None` for that in the drive.
+    share: Option<f64>,
     /// Its newest state; `None` before its first answer.
     motion: Option<Motion>,
     rounding: Rounding,
 }
 
 impl Mit {
-    pub(super) fn new(codec: Drive, watchdog_ns: u64) -> Self {
-        Self { codec, watchdog_ns, motion: None, rounding: Rounding::default() }
+    pub(super) fn new(codec: Drive, watchdog_ns: u64, share: Option<f64>) -> Self {
+        Self { codec, watchdog_ns, share, motion: None, rounding: Rounding::default() }
     }
 
     /// Damiao drives tell their settings, the others do not.
     pub(super) fn checks(&self) -> u8 {
-        if self.codec.reply == Reply::Damiao { Register::CHECKED.len() as u8 } else { 0 }
+        // the limit of the current is written, and read back
+        let limit = if self.share.is_some() { 2 } else { 0 };
+        if self.codec.reply == Reply::Damiao { CHECKED + limit } else { 0 }
     }
 
     pub(super) fn tells_its_state(&self) -> bool {
@@ -40,11 +47,16 @@ impl Mit {
 
     pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         let instruction = match *order {
-            Order::Check(register) => {
-                frames.push(self.request(register).frame().in_form(self.codec.form));
+            Order::Check(setting) => {
+                let request = self.request(setting);
+                let frame = match self.share {
+                    Some(share) if setting == CHECKED => request.change(share),
+                    _ => request.frame(),
+                };
+                frames.push(frame.in_form(self.codec.form));
                 return;
             }
-            Order::Disable => Instruction::Disable,
+            Order::Disable | Order::Home => Instruction::Disable,
             // a command of nothing, which is answered
             Order::Rest => Instruction::Command(Command::default()),
             Order::Enable => Instruction::Enable,
@@ -59,37 +71,44 @@ impl Mit {
         frames.push(self.codec.instruct(&instruction));
     }
 
-    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         match checking {
-            Some(register) => self.check(register, frame).map(Heard::Setting),
+            Some(register) => self.check(register, frame).map(Response::Setting),
             None => {
                 let feedback = self.codec.reply(frame)?;
                 let (position, velocity) = (feedback.position, feedback.velocity);
                 self.motion = Some(Motion { position, velocity, held: None });
-                Ok(Heard::Feedback(feedback))
+                Ok(Response::Feedback(feedback))
             }
         }
     }
 
-    fn request(&self, register: u8) -> Request {
-        let register = Register::CHECKED[usize::from(register) % Register::CHECKED.len()];
+    fn request(&self, setting: u8) -> Request {
+        let register = Register::CHECKED.get(usize::from(setting)).copied().unwrap_or(Register::OverCurrent);
         Request { node: self.codec.node, register }
     }
 
     /// An answer about a setting.
-    fn check(&self, register: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
-        let request = self.request(register);
+    fn check(&self, setting: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
+        let request = self.request(setting);
+        if setting == CHECKED {
+            return request.changed_value(frame, self.codec.reply_id).map(|_| None);
+        }
         let value = request.value(frame, self.codec.reply_id)?;
         let ranges = &self.codec.ranges;
         let expected = match request.register {
             Register::PositionMax => ranges.position.max,
             Register::VelocityMax => ranges.velocity.max,
             Register::TorqueMax | Register::Timeout => ranges.torque.max,
+            Register::OverCurrent => self.share.unwrap_or_default(),
         };
         Ok(match value {
             Value::Watchdog(found) => (found.unwrap_or(0) != self.watchdog_ns)
                 .then_some(WrongSetting::Watchdog { found, expected: self.watchdog_ns }),
-            Value::Range(found) => ((found - expected).abs() > 1e-5 * expected.abs())
+            Value::Number(found) if request.register == Register::OverCurrent => {
+                ((found - expected).abs() > 1e-5).then_some(WrongSetting::CurrentLimit { found, expected })
+            }
+            Value::Number(found) => ((found - expected).abs() > 1e-5 * expected.abs())
                 .then_some(WrongSetting::Range { register: request.register, found, expected }),
         })
     }

@@ -6,7 +6,7 @@ mod moteus;
 mod odrive;
 mod servo;
 
-use super::WrongSetting;
+use super::{HomingFault, WrongSetting};
 use crate::frame::{DecodeError, Form, Frame};
 use crate::mit::{Command, Feedback, Ranges, State};
 use crate::table::{ControlMode, LoopEntry, Protocol, Table};
@@ -21,6 +21,8 @@ pub(super) enum Order {
     Disable,
     /// To answer, and nothing else: it reported a fault, which stays.
     Rest,
+    /// To look for its mark.
+    Home,
     /// To begin to follow commands.
     Enable,
     /// To follow a command, in the units of its output shaft.
@@ -29,15 +31,17 @@ pub(super) enum Order {
 
 /// The content of a frame of a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Heard {
+pub(super) enum Response {
     /// Its state: the answer of the cycle.
     Feedback(Feedback),
     /// That a setting is as the table has it, or else how it differs.
     Setting(Option<WrongSetting>),
     /// The state that it is in, beside its answers.
     State(State),
+    /// That it has just started, and knows nothing of before.
+    Restarted,
     /// Something beside its answers.
-    Aside,
+    Other,
 }
 
 /// The dialogue with one drive.
@@ -54,7 +58,10 @@ impl Dialogue {
     /// The dialogue with a drive of a table.
     pub(super) fn new(table: &Table, index: usize) -> Self {
         match (table.drives[index].protocol, table.drive(index)) {
-            (_, Some(codec)) => Self::Mit(mit::Mit::new(codec, table.drives[index].watchdog.ns)),
+            (_, Some(codec)) => {
+                let entry = &table.drives[index];
+                Self::Mit(mit::Mit::new(codec, entry.watchdog.ns, entry.current_register()))
+            }
             (Protocol::Cia402, _) => Self::Cia402(cia402::Cia402::new(table, index)),
             (Protocol::Moteus, _) => Self::Moteus(moteus::Moteus::new(table, index)),
             (Protocol::Feetech | Protocol::Dynamixel, _) => Self::Servo(Servo::new(table, index)),
@@ -121,6 +128,34 @@ impl Dialogue {
         }
     }
 
+    /// Forgets what it has been told, as at the start: no fault is cleared.
+    pub(super) fn forget(&mut self) {
+        match self {
+            Self::Mit(_) | Self::Servo(_) | Self::Moteus(_) => {}
+            Self::Odrive(drive) => drive.forget(),
+            Self::Cia402(drive) => drive.forget(),
+        }
+    }
+
+    /// Begins to look for its mark.
+    pub(super) fn begin_homing(&mut self) {
+        match self {
+            Self::Odrive(drive) => drive.begin_homing(),
+            Self::Cia402(drive) => drive.begin_homing(),
+            // they have no procedure of their own
+            Self::Mit(_) | Self::Moteus(_) | Self::Servo(_) => {}
+        }
+    }
+
+    /// The result of its own homing, once it is over.
+    pub(super) fn homing_result(&self) -> Option<Result<(), HomingFault>> {
+        match self {
+            Self::Odrive(drive) => drive.homing_result(),
+            Self::Cia402(drive) => drive.homing_result(),
+            Self::Mit(_) | Self::Moteus(_) | Self::Servo(_) => None,
+        }
+    }
+
     /// True for a frame of this drive.
     pub(super) fn is_from(&self, frame: &Frame) -> bool {
         match self {
@@ -144,7 +179,7 @@ impl Dialogue {
     }
 
     /// Reads a frame of this drive, while the setting `checking` is being checked.
-    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         match self {
             Self::Mit(drive) => drive.read(checking, frame),
             Self::Odrive(drive) => drive.read(frame),

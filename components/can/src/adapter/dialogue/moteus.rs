@@ -2,7 +2,7 @@
 //!
 //! Gains of commands are shares of those that stand in the drive; the watchdog goes with each command.
 
-use super::{Heard, Order};
+use super::{Order, Response};
 use crate::frame::{DecodeError, Frame};
 use crate::mit::{Fault, Feedback, Ranges, State};
 use crate::moteus::{self, Instruction, Mode, Node, Resolution};
@@ -55,7 +55,7 @@ impl Moteus {
         let instruction = match order {
             Order::Rest => Instruction::Query,
             // which clears a fault, too
-            Order::Check(_) | Order::Disable => Instruction::Stop,
+            Order::Check(_) | Order::Disable | Order::Home => Instruction::Stop,
             Order::Enable => Instruction::Position(moteus::Command { kp_scale: 0.0, ..limits }),
             Order::Follow(command) => Instruction::Position(moteus::Command {
                 position: if command.kp > 0.0 { command.position } else { f64::NAN },
@@ -70,7 +70,7 @@ impl Moteus {
         frames.push(self.node.frame(&instruction, RESOLUTION));
     }
 
-    pub(super) fn read(&self, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&self, frame: &Frame) -> Result<Response, DecodeError> {
         let told = self.node.reply(frame)?;
         let state = match told.mode {
             Mode::Position | Mode::ZeroVelocity | Mode::StayWithin => State::Enabled,
@@ -79,7 +79,7 @@ impl Moteus {
             Mode::Timeout => State::Fault(Fault::CommunicationLost),
             _ => State::Disabled,
         };
-        Ok(Heard::Feedback(Feedback {
+        Ok(Response::Feedback(Feedback {
             position: told.position,
             velocity: told.velocity,
             torque: told.torque,

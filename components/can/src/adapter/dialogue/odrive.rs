@@ -4,18 +4,26 @@
 //! State and errors stand in the heartbeat alone, so that a drive counts as enabled a tenth of a second after it is. Its errors
 //! are cleared when the adapter is resumed, and never else.
 
-use super::{Heard, Motion, Order};
+use super::{Motion, Order, Response};
+use crate::adapter::HomingFault;
 use crate::frame::{DecodeError, Frame, Id};
 use crate::mit::{Command, Fault, Feedback, Ranges, State};
 use crate::odrive::{AxisState, ControlMode as Quantity, InputMode, Instruction, Node, Report};
-use crate::table::{ControlMode, Table};
+use crate::table::{ControlMode, HomingProcedure, Table};
 
 /// Cycles after which a drive that has not followed is asked again.
-const PATIENCE: u16 = 1000;
+const REQUEST_AGAIN_AFTER: u16 = 1000;
 /// Cycles after which it is enabled: its modes, limits and first setpoint have been sent.
 const ENABLED_IN: u16 = 3;
 /// Cycles for which clearing the errors takes.
 const CLEARS: u8 = 4;
+/// Cycles after which it is asked for its homing: its limits have been sent.
+const HOMES_IN: u16 = 2;
+/// Heartbeats after which a procedure that was never seen under way has not begun.
+const SEEN_WITHIN: u8 = 5;
+/// Reports of the position after the end of a homing until one counts from the mark: the first one may have waited for the bus since
+/// before.
+const FROM_ITS_MARK: u8 = 2;
 /// Error of an axis: its watchdog was not fed.
 const WATCHDOG_EXPIRED: u32 = 0x800;
 
@@ -36,6 +44,26 @@ pub(in crate::adapter) struct Odrive {
     /// As it reports, or else as it was commanded.
     torque: f64,
     reports_torque: bool,
+    /// Temperature of its hotter part, degrees Celsius, if it is set up to report them.
+    temperature: Option<f64>,
+    /// The state in which it homes.
+    homes: AxisState,
+    homing: Homing,
+}
+
+/// The progress of a homing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Homing {
+    /// None is under way.
+    None,
+    /// Its limits are sent, for so many cycles.
+    Preparing(u16),
+    /// It has been asked for, so many heartbeats ago, and been seen under way or not.
+    Asked { heartbeats: u8, was_seen: bool },
+    /// It is over, and so many reports of its position have come since.
+    Ended { result: Result<(), HomingFault>, reports: u8 },
+    /// It is over, and what it has reported since counts from its mark.
+    Over(Result<(), HomingFault>),
 }
 
 impl Odrive {
@@ -53,11 +81,81 @@ impl Odrive {
             motion: Motion::default(),
             torque: 0.0,
             reports_torque: false,
+            temperature: None,
+            homes: match entry.homing.as_ref().and_then(|homing| homing.procedure) {
+                Some(HomingProcedure::Index) => AxisState::IndexSearch,
+                Some(HomingProcedure::Endstop) | None => AxisState::Homing,
+            },
+            homing: Homing::None,
         }
     }
 
     pub(super) fn restart(&mut self) {
-        (self.clears, self.begun, self.state) = (CLEARS, 0, State::Disabled);
+        self.forget();
+        self.clears = CLEARS;
+    }
+
+    pub(super) fn forget(&mut self) {
+        (self.begun, self.state, self.homing) = (0, State::Disabled, Homing::None);
+    }
+
+    pub(super) fn begin_homing(&mut self) {
+        self.homing = Homing::Preparing(0);
+    }
+
+    pub(super) fn homing_result(&self) -> Option<Result<(), HomingFault>> {
+        match self.homing {
+            Homing::Over(result) => Some(result),
+            _ => None,
+        }
+    }
+
+    /// The message of a cycle of homing. Its limits are sent all the time: that feeds its watchdog, and changes nothing else.
+    fn home(&mut self) -> Instruction {
+        let limits = Instruction::Limits {
+            velocity: self.ranges.velocity.max,
+            current: self.current_limit.unwrap_or_default(),
+        };
+        match &mut self.homing {
+            Homing::Preparing(HOMES_IN) => {
+                self.homing = Homing::Asked { heartbeats: 0, was_seen: false };
+                Instruction::SetState(self.homes)
+            }
+            Homing::Preparing(cycles) => {
+                *cycles += 1;
+                limits
+            }
+            Homing::Asked { .. } => limits,
+            Homing::None | Homing::Ended { .. } | Homing::Over(_) => Instruction::SetState(AxisState::Idle),
+        }
+    }
+
+    /// Takes what a heartbeat says about its homing.
+    fn follow_homing(&mut self, state: AxisState, result: u8) {
+        let Homing::Asked { heartbeats, was_seen } = &mut self.homing else { return };
+        *heartbeats = heartbeats.saturating_add(1);
+        let over = match (state == self.homes, *was_seen) {
+            (true, _) => {
+                *was_seen = true;
+                return;
+            }
+            // by itself it goes on to idle, or to following
+            (false, true) if result == 0 => Ok(()),
+            (false, true) => Err(HomingFault::Drive),
+            (false, false) if *heartbeats >= SEEN_WITHIN => Err(HomingFault::NotBegun),
+            (false, false) => return,
+        };
+        self.homing = Homing::Ended { result: over, reports: 0 };
+    }
+
+    /// Takes a report of its position.
+    fn count_report(&mut self) {
+        if let Homing::Ended { result, reports } = &mut self.homing {
+            *reports += 1;
+            if *reports >= FROM_ITS_MARK {
+                self.homing = Homing::Over(*result);
+            }
+        }
     }
 
     pub(super) fn is_from(&self, frame: &Frame) -> bool {
@@ -85,14 +183,17 @@ impl Odrive {
                 Instruction::SetState(AxisState::ClosedLoop)
             }
             (Order::Enable, _) => self.follow(&Command::default()),
+            (Order::Home, _) if self.clears == 0 => self.home(),
             (Order::Follow(command), _) => self.follow(command),
-            (Order::Check(_) | Order::Disable | Order::Rest, _) if self.clears == CLEARS => {
+            (Order::Check(_) | Order::Disable | Order::Rest | Order::Home, _) if self.clears == CLEARS => {
                 Instruction::ClearErrors
             }
-            (Order::Check(_) | Order::Disable | Order::Rest, _) => Instruction::SetState(AxisState::Idle),
+            (Order::Check(_) | Order::Disable | Order::Rest | Order::Home, _) => {
+                Instruction::SetState(AxisState::Idle)
+            }
         };
         self.begun = match order {
-            Order::Enable if self.begun < PATIENCE => self.begun + 1,
+            Order::Enable if self.begun < REQUEST_AGAIN_AFTER => self.begun + 1,
             _ => 0,
         };
         self.clears = self.clears.saturating_sub(1);
@@ -119,9 +220,12 @@ impl Odrive {
         }
     }
 
-    pub(super) fn read(&mut self, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, frame: &Frame) -> Result<Response, DecodeError> {
         Ok(match self.node.report(frame)? {
-            Report::Heartbeat { error, state } => {
+            Report::Heartbeat { error, state, result } => {
+                if error == 0 {
+                    self.follow_homing(state, result);
+                }
                 self.state = match (error, state) {
                     (0, AxisState::ClosedLoop) => State::Enabled,
                     (0, _) => State::Disabled,
@@ -130,24 +234,29 @@ impl Odrive {
                     (error, _) if error & WATCHDOG_EXPIRED != 0 => State::Fault(Fault::CommunicationLost),
                     (error, _) => State::Fault(Fault::Other(error)),
                 };
-                Heard::State(self.state)
+                Response::State(self.state)
             }
             Report::Encoder { position, velocity } => {
                 (self.motion.position, self.motion.velocity) = (position, velocity);
-                Heard::Feedback(Feedback {
+                self.count_report();
+                Response::Feedback(Feedback {
                     position,
                     velocity,
                     torque: self.torque,
-                    temperature: None,
+                    temperature: self.temperature,
                     voltage: None,
                     state: self.state,
                 })
             }
             Report::Torques { estimate, .. } => {
                 (self.torque, self.reports_torque) = (estimate, true);
-                Heard::Aside
+                Response::Other
             }
-            Report::Supply { .. } => Heard::Aside,
+            Report::Temperature { transistors, motor } => {
+                self.temperature = Some(transistors.max(motor));
+                Response::Other
+            }
+            Report::Supply { .. } | Report::Currents { .. } => Response::Other,
         })
     }
 }

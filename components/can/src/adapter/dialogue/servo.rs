@@ -1,18 +1,16 @@
 //! The dialogue with servos on a serial line: one packet writes the goals of all servos of a line, one asks all of them, and they
 //! answer one after the other.
 
-use super::{Dialogue, Heard, Motion, Order};
-use crate::adapter::common_answer::CommonAnswer;
-use crate::adapter::{Link, OnTrip, WrongSetting};
+mod line;
+
+use super::{Motion, Order, Response};
+use crate::adapter::WrongSetting;
 use crate::dynamixel;
 use crate::feetech;
 use crate::frame::{DecodeError, Form, Frame, Id};
 use crate::mit::{Fault, Feedback, Ranges, State};
-use crate::servo::{self, Instruction, LONGEST, Packet, Status};
+use crate::servo::{self, Packet, Status};
 use crate::table::{Protocol, Table};
-
-/// Bytes of the longest packet that goes out.
-const PACKET: usize = 64;
 
 #[derive(Clone, Debug)]
 pub(in crate::adapter) struct Servo {
@@ -21,6 +19,14 @@ pub(in crate::adapter) struct Servo {
     /// Time of the watchdog, ns; 0 for off.
     watchdog_ns: u64,
     ranges: Ranges,
+    /// Its full torque, of which loads are shares, N m.
+    torque: f64,
+    /// The homing offset that it must have, steps.
+    homing_offset: Option<i32>,
+    /// The limit of its current as its register has it; `None` for that in the servo.
+    current_limit: Option<u16>,
+    /// Torque of a unit of the register of its current, N m.
+    torque_per_unit: Option<f64>,
     motion: Motion,
 }
 
@@ -29,6 +35,16 @@ pub(in crate::adapter) struct Servo {
 enum Maker {
     Feetech,
     Dynamixel,
+}
+
+/// A setting of a servo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Setting {
+    Mode,
+    Goals,
+    Watchdog,
+    HomingOffset,
+    CurrentLimit,
 }
 
 /// Registers that are written to all servos of a line together: the first one, and bytes of each.
@@ -49,6 +65,7 @@ impl Maker {
                 (feetech::TORQUE_ENABLE as u16, 1),
                 (feetech::TORQUE_ENABLE as u16, feetech::ENABLE_BYTES),
                 (feetech::GOAL_POSITION as u16, 2),
+                (feetech::TORQUE_LIMIT as u16, 2),
             ],
             Self::Dynamixel => &[
                 (dynamixel::TORQUE_ENABLE, 1),
@@ -56,6 +73,7 @@ impl Maker {
                 (dynamixel::BUS_WATCHDOG, 1),
                 (dynamixel::GOAL_POSITION, 4),
                 (dynamixel::TORQUE_ENABLE, 1),
+                (dynamixel::GOAL_CURRENT, 2),
             ],
         }
     }
@@ -66,24 +84,34 @@ impl Maker {
             Self::Feetech => &[
                 (feetech::OPERATING_MODE as u16, 1),
                 (feetech::ANGLE_LIMITS as u16, 4),
+                (feetech::HOMING_OFFSET as u16, 2),
+                (feetech::TORQUE_LIMIT as u16, 2),
                 (feetech::TORQUE_ENABLE as u16, feetech::STATE_BYTES),
             ],
             Self::Dynamixel => &[
                 (dynamixel::OPERATING_MODE, 1),
                 (dynamixel::POSITION_LIMITS, 8),
                 (dynamixel::BUS_WATCHDOG, 1),
+                (dynamixel::HOMING_OFFSET, 4),
+                (dynamixel::GOAL_CURRENT, 2),
                 (dynamixel::STATE, dynamixel::STATE_BYTES),
             ],
         }
     }
 
-    /// The registers that are asked for with an order.
-    fn block(self, order: &Order) -> usize {
-        let state = self.asked().len() - 1;
-        match order {
-            Order::Check(setting) => usize::from(*setting).min(state),
-            _ => state,
-        }
+    /// The setting in the registers that are asked for at this place; `None` for the state.
+    fn setting(self, block: usize) -> Option<Setting> {
+        let settings: &[Setting] = match self {
+            Self::Feetech => &[Setting::Mode, Setting::Goals, Setting::HomingOffset, Setting::CurrentLimit],
+            Self::Dynamixel => &[
+                Setting::Mode,
+                Setting::Goals,
+                Setting::Watchdog,
+                Setting::HomingOffset,
+                Setting::CurrentLimit,
+            ],
+        };
+        settings.get(block).copied()
     }
 
     /// The highest position, that of the last step of a turn.
@@ -95,9 +123,6 @@ impl Maker {
     }
 }
 
-/// The most registers that are written, and the most that are asked for.
-const MOST: usize = 5;
-
 impl Servo {
     pub(super) fn new(table: &Table, index: usize) -> Self {
         let entry = &table.drives[index];
@@ -107,13 +132,39 @@ impl Servo {
             maker: if is_dynamixel { Maker::Dynamixel } else { Maker::Feetech },
             watchdog_ns: entry.watchdog.ns,
             ranges: table.ranges(index),
+            torque: entry.ranges.torque,
+            homing_offset: entry.homing.as_ref().and_then(|homing| homing.steps),
+            current_limit: entry.current_register().map(|number| number as u16),
+            torque_per_unit: entry
+                .current_unit
+                .zip(entry.torque_constant)
+                .map(|(unit, constant)| unit * constant),
             motion: Motion::default(),
         }
     }
 
-    /// Operating mode, limits of goals, and the watchdog, where there is one.
+    /// Operating mode, limits of goals, and what else is in the table.
     pub(super) fn checks(&self) -> u8 {
-        self.maker.asked().len() as u8 - 1
+        self.blocks().count() as u8 - 1
+    }
+
+    /// The places among the registers of its maker of those that it is asked for: of its settings, and of its state at last.
+    fn blocks(&self) -> impl Iterator<Item = usize> {
+        let is_asked = |block: &usize| match self.maker.setting(*block) {
+            Some(Setting::HomingOffset) => self.homing_offset.is_some(),
+            Some(Setting::CurrentLimit) => self.current_limit.is_some(),
+            Some(Setting::Mode | Setting::Goals | Setting::Watchdog) | None => true,
+        };
+        (0..self.maker.asked().len()).filter(is_asked)
+    }
+
+    /// The place of the registers that are asked for with an order.
+    fn block(&self, order: &Order) -> usize {
+        let state = self.maker.asked().len() - 1;
+        match order {
+            Order::Check(setting) => self.blocks().nth((*setting).into()).unwrap_or(state),
+            _ => state,
+        }
     }
 
     /// A Dynamixel does not tell whether its torque is on, a Feetech does.
@@ -134,15 +185,21 @@ impl Servo {
     fn write(&mut self, order: &Order, put: &mut dyn FnMut(usize, &[u8])) {
         self.motion.begin(order);
         let goal = match order {
-            Order::Check(setting) => {
-                if self.maker == Maker::Dynamixel && *setting == 2 {
-                    // one that has stopped the servo is cleared first
-                    put(1, &[0]);
-                    put(2, &[self.watchdog()]);
+            Order::Check(_) => {
+                match (self.maker.setting(self.block(order)), self.current_limit) {
+                    (Some(Setting::Watchdog), _) => {
+                        // one that has stopped the servo is cleared first
+                        put(1, &[0]);
+                        put(2, &[self.watchdog()]);
+                    }
+                    (Some(Setting::CurrentLimit), Some(limit)) => {
+                        put(self.maker.written().len() - 1, &limit.to_le_bytes());
+                    }
+                    _ => {}
                 }
                 return;
             }
-            Order::Disable | Order::Rest => return put(0, &[0]),
+            Order::Disable | Order::Rest | Order::Home => return put(0, &[0]),
             Order::Enable => self.motion.position,
             Order::Follow(command) => self.motion.target(command),
         };
@@ -166,7 +223,7 @@ impl Servo {
         }
     }
 
-    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Heard, DecodeError> {
+    pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         let mut packet = Packet::default();
         let status = packet.status(frame.data())?;
         if status.servo != self.number {
@@ -176,23 +233,19 @@ impl Servo {
             return Err(DecodeError::Field { field: "the protocol", found: u32::from(frame.data()[2]) });
         }
         match checking {
-            Some(setting) => self.check(setting, status.data).map(Heard::Setting),
-            None => self.state(&status).map(Heard::Feedback),
+            Some(setting) => {
+                self.check(self.block(&Order::Check(setting)), status.data).map(Response::Setting)
+            }
+            None => self.state(&status).map(Response::Feedback),
         }
     }
 
-    fn check(&self, setting: u8, data: &[u8]) -> Result<Option<WrongSetting>, DecodeError> {
-        let ends = match (self.maker, setting, data) {
-            (Maker::Feetech, 0, [mode]) => {
-                let wrong = WrongSetting::OperatingMode { found: *mode, expected: 0 };
-                return Ok((*mode != 0).then_some(wrong));
-            }
-            (Maker::Dynamixel, 0, [mode]) => {
-                let wrong = WrongSetting::OperatingMode { found: *mode, expected: dynamixel::POSITIONS };
-                let is_right = matches!(*mode, dynamixel::POSITIONS | dynamixel::POSITIONS_BY_CURRENT);
-                return Ok((!is_right).then_some(wrong));
-            }
-            (Maker::Dynamixel, 2, [units]) => {
+    fn check(&self, block: usize, data: &[u8]) -> Result<Option<WrongSetting>, DecodeError> {
+        use Setting::{CurrentLimit, Goals, HomingOffset, Mode, Watchdog};
+        let word = |bytes: [u8; 2]| u16::from_le_bytes(bytes);
+        let ends = match (self.maker, self.maker.setting(block), data) {
+            (_, Some(Mode), [mode]) => return Ok(self.wrong_mode(*mode)),
+            (_, Some(Watchdog), [units]) => {
                 let found_ns = u64::from(*units) * dynamixel::WATCHDOG_UNIT_NS;
                 let wrong = WrongSetting::Watchdog {
                     found: Some(found_ns).filter(|ns| *ns > 0),
@@ -200,15 +253,26 @@ impl Servo {
                 };
                 return Ok((found_ns != self.watchdog_ns).then_some(wrong));
             }
-            (Maker::Feetech, 1, [a, b, c, d]) => {
-                [[*a, *b], [*c, *d]].map(|word| feetech::position(u16::from_le_bytes(word)))
+            (_, Some(CurrentLimit), [a, b]) => {
+                let (found, expected) = (word([*a, *b]), self.current_limit.unwrap_or_default());
+                let wrong = WrongSetting::CurrentLimit { found: found.into(), expected: expected.into() };
+                return Ok((found != expected).then_some(wrong));
             }
-            (Maker::Dynamixel, 1, [a, b, c, d, e, f, g, h]) => {
+            (Maker::Feetech, Some(HomingOffset), [a, b]) => {
+                return Ok(self.wrong_offset(feetech::homing_offset(word([*a, *b]))));
+            }
+            (Maker::Dynamixel, Some(HomingOffset), [a, b, c, d]) => {
+                return Ok(self.wrong_offset(i32::from_le_bytes([*a, *b, *c, *d])));
+            }
+            (Maker::Feetech, Some(Goals), [a, b, c, d]) => {
+                [[*a, *b], [*c, *d]].map(|bytes| feetech::position(word(bytes)))
+            }
+            (Maker::Dynamixel, Some(Goals), [a, b, c, d, e, f, g, h]) => {
                 // the highest first
                 [[*e, *f, *g, *h], [*a, *b, *c, *d]].map(|long| dynamixel::position(i32::from_le_bytes(long)))
             }
             (_, _, data) => {
-                let expected = self.maker.asked()[usize::from(setting)].1.into();
+                let expected = self.maker.asked()[block].1.into();
                 return Err(DecodeError::Length { found: data.len(), expected });
             }
         };
@@ -218,8 +282,24 @@ impl Servo {
         Ok((!covers).then_some(WrongSetting::Goals { found: ends, expected: self.ranges.position.max }))
     }
 
+    /// A mode in which it does not follow positions, or not with a limit of its current.
+    fn wrong_mode(&self, found: u8) -> Option<WrongSetting> {
+        let expected = match (self.maker, self.current_limit) {
+            (Maker::Feetech, _) => feetech::POSITIONS,
+            (Maker::Dynamixel, None) if found == dynamixel::POSITIONS_BY_CURRENT => return None,
+            (Maker::Dynamixel, None) => dynamixel::POSITIONS,
+            (Maker::Dynamixel, Some(_)) => dynamixel::POSITIONS_BY_CURRENT,
+        };
+        (found != expected).then_some(WrongSetting::OperatingMode { found, expected })
+    }
+
+    fn wrong_offset(&self, found: i32) -> Option<WrongSetting> {
+        let expected = self.homing_offset.unwrap_or_default();
+        (found != expected).then_some(WrongSetting::HomingOffset { found, expected })
+    }
+
     fn state(&mut self, status: &Status<'_>) -> Result<Feedback, DecodeError> {
-        let most = self.ranges.torque.max;
+        let most = self.torque;
         let feedback = match self.maker {
             Maker::Feetech => {
                 let told = feetech::State::decode(status.data)?;
@@ -243,7 +323,8 @@ impl Servo {
                 Feedback {
                     position: told.position,
                     velocity: told.velocity,
-                    torque: f64::from(told.load) * 1e-3 * most,
+                    // the register is that of the current, or of the load
+                    torque: f64::from(told.load) * self.torque_per_unit.unwrap_or(1e-3 * most),
                     temperature: Some(told.temperature),
                     voltage: Some(told.voltage),
                     state: if is_well {
@@ -256,114 +337,5 @@ impl Servo {
         };
         (self.motion.position, self.motion.velocity) = (feedback.position, feedback.velocity);
         Ok(feedback)
-    }
-
-    /// Writes the packets of a cycle for all servos of a line, and notes after how many frames each has been asked. They answer
-    /// together where they can, unless one was silent: those behind it would be, too.
-    pub(in crate::adapter) fn write_line(
-        links: &mut [Link],
-        common: Option<&mut CommonAnswer>,
-        bus: usize,
-        (trip, cycle): (Option<OnTrip>, u64),
-        frames: &mut Vec<Frame>,
-    ) {
-        let before = frames.len();
-        let first = links.iter().find_map(|link| match &link.dialogue {
-            Dialogue::Servo(servo) if link.bus() == bus => Some(servo.maker),
-            _ => None,
-        });
-        // all servos of a line are of one maker
-        let Some(maker) = first else { return };
-        let mut out = Packets { protocol: maker.protocol(), frames };
-        let mut groups = [const { Group::new(0, 0) }; MOST];
-        for (group, (register, each)) in groups.iter_mut().zip(maker.written()) {
-            *group = Group::new(*register, *each);
-        }
-        let mut askable = [false; MOST];
-        for link in links.iter_mut().filter(|link| link.bus() == bus && !link.is_probed) {
-            let order = link.order(trip);
-            let Dialogue::Servo(servo) = &mut link.dialogue else { continue };
-            askable[maker.block(&order)] = true;
-            let number = servo.number;
-            servo.write(&order, &mut |group, bytes| groups[group].add(number, bytes, &mut out));
-        }
-        groups.iter_mut().for_each(|group| group.write(&mut out));
-        // one question a cycle: two would be answered at once
-        let blocks = askable.iter().filter(|is| **is).count() as u64;
-        let Some(chosen) = (0..MOST).filter(|block| askable[*block]).nth((cycle % blocks.max(1)) as usize)
-        else {
-            return;
-        };
-        let mut servos = [0; PACKET];
-        let mut count = 0;
-        let asked_by = out.frames.len() - before + 1;
-        for link in links.iter_mut().filter(|link| link.bus() == bus) {
-            let is_asked = !link.is_probed && maker.block(&link.order(trip)) == chosen;
-            link.asked_by = is_asked.then_some(asked_by);
-            if let (true, Dialogue::Servo(servo)) = (is_asked && count < servos.len(), &link.dialogue) {
-                servos[count] = servo.number;
-                count += 1;
-            }
-        }
-        // they answer in this order, and the lowest first on a simulated line
-        servos[..count].sort_unstable();
-        let (register, bytes) = maker.asked()[chosen];
-        let servos = &servos[..count];
-        let is_whole = links.iter().all(|link| link.bus() != bus || link.silent() == 0 && !link.is_probed);
-        let together = is_whole && common.is_some_and(|common| common.ask(bytes));
-        out.push(&match together {
-            true => Instruction::FastReadMany { register, count: bytes, servos },
-            false => Instruction::ReadMany { register, count: bytes, servos },
-        });
-    }
-}
-
-/// The packets that go out.
-struct Packets<'a> {
-    protocol: servo::Protocol,
-    frames: &'a mut Vec<Frame>,
-}
-
-impl Packets<'_> {
-    fn push(&mut self, instruction: &Instruction<'_>) {
-        let mut packet = [0; LONGEST];
-        let written = servo::write(self.protocol, servo::EVERYBODY, instruction, &mut packet);
-        let frame = written.and_then(|length| Frame::packet(servo::EVERYBODY, &packet[..length]));
-        debug_assert!(frame.is_some());
-        self.frames.extend(frame);
-    }
-}
-
-/// The same registers of many servos, in one packet or as many as it takes.
-struct Group {
-    register: u16,
-    each: u8,
-    data: [u8; PACKET],
-    length: usize,
-}
-
-/// Bytes of a packet beside those of the servos, and those that keep data and heads apart: of protocol 2, which has more.
-const AROUND: usize = 20;
-
-impl Group {
-    const fn new(register: u16, each: u8) -> Self {
-        Self { register, each, data: [0; PACKET], length: 0 }
-    }
-
-    fn add(&mut self, servo: u8, bytes: &[u8], out: &mut Packets<'_>) {
-        if self.length + 1 + bytes.len() > PACKET - AROUND {
-            self.write(out);
-        }
-        self.data[self.length] = servo;
-        self.data[self.length + 1..][..bytes.len()].copy_from_slice(bytes);
-        self.length += 1 + bytes.len();
-    }
-
-    fn write(&mut self, out: &mut Packets<'_>) {
-        if self.length > 0 {
-            let data = &self.data[..self.length];
-            out.push(&Instruction::WriteMany { register: self.register, each: self.each, data });
-            self.length = 0;
-        }
     }
 }

@@ -15,6 +15,7 @@ use super::bits::Rates;
 use super::report::Report;
 pub(crate) use terminal::BATCH_NS;
 pub use terminal::TerminalOffer;
+pub(crate) use unix::Traffic;
 pub use unix::{UnixBus, UnixOffer};
 
 /// The place at which a simulated bus is offered.
@@ -91,12 +92,12 @@ impl Offer {
     }
 
     /// Takes the interface down, or up again: a terminal is unplugged.
-    pub fn set_down(&mut self, is_down: bool) {
+    pub fn set_link_down(&mut self, is_down: bool) {
         match self {
             Self::Socket(offer) if is_down => offer.down(),
             // the report of the controller says that it is back
             Self::Socket(_) => {}
-            Self::Terminal(offer) => offer.set_down(is_down),
+            Self::Terminal(offer) => offer.set_link_down(is_down),
         }
     }
 

@@ -77,6 +77,34 @@ impl Record {
     }
 }
 
+/// Records that wait to be sent.
+#[derive(Debug)]
+pub(super) struct Batch {
+    bytes: Box<[u8; RECORD * BATCH]>,
+    pub(super) count: usize,
+}
+
+impl Batch {
+    pub(super) fn new() -> Self {
+        Self { bytes: Box::new([0; RECORD * BATCH]), count: 0 }
+    }
+
+    pub(super) fn is_full(&self) -> bool {
+        self.count == BATCH
+    }
+
+    pub(super) fn push(&mut self, record: &Record) {
+        if let Some(place) = self.bytes.as_chunks_mut().0.get_mut(self.count) {
+            record.encode(place);
+            self.count += 1;
+        }
+    }
+
+    pub(super) fn bytes(&self) -> &[u8] {
+        &self.bytes[..RECORD * self.count]
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -187,7 +187,7 @@ impl TerminalOffer {
         }
     }
 
-    pub(super) fn set_down(&mut self, is_down: bool) {
+    pub(super) fn set_link_down(&mut self, is_down: bool) {
         if is_down {
             self.end = None;
             let _ = std::fs::remove_file(&self.link);

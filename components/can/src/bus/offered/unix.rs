@@ -14,7 +14,7 @@ use rustix::net::{
     listen, recv, send, socket_with,
 };
 
-use super::records::{BATCH, RECORD, Record};
+use super::records::{BATCH, Batch, RECORD, Record};
 use crate::bus::report::Report;
 use crate::bus::socket::{Condition, OpenError, SocketCounts};
 use crate::bus::time::{Retry, monotonic_ns};
@@ -37,34 +37,6 @@ fn new_socket() -> io::Result<OwnedFd> {
 /// True if the other end of a socket is a program of this user.
 fn is_ours(socket: &OwnedFd) -> bool {
     socket_peercred(socket).is_ok_and(|peer| peer.uid == rustix::process::getuid())
-}
-
-/// Records that wait to be sent.
-#[derive(Debug)]
-struct Batch {
-    bytes: Box<[u8; RECORD * BATCH]>,
-    count: usize,
-}
-
-impl Batch {
-    fn new() -> Self {
-        Self { bytes: Box::new([0; RECORD * BATCH]), count: 0 }
-    }
-
-    fn is_full(&self) -> bool {
-        self.count == BATCH
-    }
-
-    fn push(&mut self, record: &Record) {
-        if let Some(place) = self.bytes.as_chunks_mut().0.get_mut(self.count) {
-            record.encode(place);
-            self.count += 1;
-        }
-    }
-
-    fn bytes(&self) -> &[u8] {
-        &self.bytes[..RECORD * self.count]
-    }
 }
 
 /// The end of the program that simulates the bus.
@@ -224,6 +196,15 @@ pub struct UnixBus {
     retry: Retry,
 }
 
+/// A frame or a report, as a bus delivers it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Traffic {
+    /// A frame.
+    Frame(Received),
+    /// A report of the controller.
+    Report(Report),
+}
+
 fn connected(name: &str) -> Result<OwnedFd, OpenError> {
     let refused = |error: io::Error| match error.kind() {
         io::ErrorKind::ConnectionRefused | io::ErrorKind::NotFound => OpenError::NotOffered(name.into()),
@@ -307,6 +288,30 @@ impl UnixBus {
         false
     }
 
+    /// The next frame or report, whatever the filters; `None` if there is none yet.
+    pub(crate) fn next(&mut self) -> Option<Traffic> {
+        while self.condition != Condition::Gone {
+            if self.rest.0 == self.rest.1 && !self.fill() {
+                return None;
+            }
+            let place = RECORD * self.rest.0;
+            self.rest.0 += 1;
+            match Record::decode(&self.unread[place..place + RECORD]) {
+                Some(Record::Frame(received)) => return Some(Traffic::Frame(received)),
+                Some(Record::Report(report, unsent)) => {
+                    self.take(&report, unsent);
+                    return Some(Traffic::Report(report));
+                }
+                Some(Record::Down) => {
+                    self.counts.down += u64::from(self.condition != Condition::Down);
+                    self.condition = Condition::Down;
+                }
+                None => self.counts.other += 1,
+            }
+        }
+        None
+    }
+
     fn take(&mut self, report: &Report, unsent: u8) {
         // that the state is as it was before the first report is no event
         if *report != (Report { state: Some(crate::ErrorState::Active), ..Report::default() }) {
@@ -352,26 +357,17 @@ impl Bus for UnixBus {
 
     fn receive(&mut self, frames: &mut [Received]) -> usize {
         let mut count = 0;
-        while self.condition != Condition::Gone && count < frames.len() {
-            if self.rest.0 == self.rest.1 && !self.fill() {
-                break;
-            }
-            let place = RECORD * self.rest.0;
-            self.rest.0 += 1;
-            match Record::decode(&self.unread[place..place + RECORD]) {
-                Some(Record::Frame(received)) => {
+        while count < frames.len() {
+            match self.next() {
+                Some(Traffic::Frame(received)) => {
                     let id = received.frame.id;
                     if self.filters.is_empty() || self.filters.contains(&id) {
                         frames[count] = received;
                         count += 1;
                     }
                 }
-                Some(Record::Report(report, unsent)) => self.take(&report, unsent),
-                Some(Record::Down) => {
-                    self.counts.down += u64::from(self.condition != Condition::Down);
-                    self.condition = Condition::Down;
-                }
-                None => self.counts.other += 1,
+                Some(Traffic::Report(_)) => {}
+                None => break,
             }
         }
         count

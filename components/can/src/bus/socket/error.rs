@@ -35,6 +35,9 @@ pub enum OpenError {
     /// There is no such serial line.
     #[error("there is no serial line `{0}`")]
     NoLine(String),
+    /// A serial line or terminal, which one program has for itself.
+    #[error("`{0}` is a serial line, which one program has for itself")]
+    NotShared(String),
     /// No program offers a simulated bus by this name.
     #[error("no program offers the simulated bus `unix:{0}`")]
     NotOffered(String),
@@ -93,6 +96,10 @@ impl OpenError {
             Self::NoLine(_) => {
                 "plug the adapter in: `ls /dev/serial/by-id` lists the lines that there are".into()
             }
+            Self::NotShared(name) => format!(
+                "put the driver of the kernel on it, and name its interface: `motorium can attach {}`",
+                name.strip_prefix("pty:").unwrap_or(name)
+            ),
             Self::NotOffered(_) => {
                 "start the graph whose `can.drive_sim` has this bus in its drive table, in real time".into()
             }

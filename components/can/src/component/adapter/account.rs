@@ -63,7 +63,7 @@ impl BusAccount {
     }
 
     /// Enters the news of a simulated interface.
-    pub(super) fn hear(&mut self, news: &News) {
+    pub(super) fn apply(&mut self, news: &News) {
         let Self { events, condition, .. } = self;
         match news {
             News::Down => {
@@ -82,17 +82,17 @@ impl BusAccount {
                 self.counts.unsent += u64::from(*unsent);
             }
         }
-        self.tell();
+        self.update_health();
     }
 
     /// Enters the condition of a real bus.
     pub(super) fn follow(&mut self, bus: &RealBus) {
         (self.is_real, self.condition, self.events) = (true, bus.condition(), *bus.counts());
-        self.tell();
+        self.update_health();
     }
 
     /// Puts condition and events into the state that is published.
-    fn tell(&mut self) {
+    fn update_health(&mut self) {
         let (counts, condition) = (&self.events, self.condition);
         self.worst = self.worst.max(condition);
         self.counts.state = match condition {

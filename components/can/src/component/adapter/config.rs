@@ -47,6 +47,10 @@ impl JointHealth {
     pub const FAULT: u32 = 8;
     /// Its settings are still being read.
     pub const CHECKING: u32 = 16;
+    /// Its joint is being homed.
+    pub const HOMING: u32 = 32;
+    /// Its position is not that of the joint: it has to be homed first.
+    pub const NOT_HOMED: u32 = 64;
 }
 
 /// Behaviour of the other drives when one is lost or reports a fault.

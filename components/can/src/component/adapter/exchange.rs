@@ -72,7 +72,7 @@ impl Topics {
             for frame in frames {
                 let Some(bus) = buses.get_mut(frame.bus as usize) else { continue };
                 if let Some(news) = wire::news_of(frame) {
-                    bus.hear(&news);
+                    bus.apply(&news);
                     // who cannot send cannot command: the drives let go by their watchdogs
                     if !bus.condition.can_send() {
                         adapter.trip();

@@ -9,14 +9,14 @@ mod results;
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
-use motorium::safety::{CommandGate, Measured, Verdict};
+use motorium::safety::{CommandGate, JointSetpoint, Measured, Verdict};
 use motorium::state::{BusHealth, CanFrame};
 use motorium_robots::{Dynamics, Model};
 use nalgebra::Vector3;
 
 use super::{Equipped, interfaces, limits, load};
 use crate::Frame;
-use crate::adapter::{Adapter, OnTrip, Phase, Setpoint};
+use crate::adapter::{Adapter, Link, OnTrip, Phase, Setpoint};
 use account::BusAccount;
 use config::WhenTripped;
 pub use config::{CanAdapterConfig, JointHealth};
@@ -46,6 +46,8 @@ pub struct CanAdapter {
     order: StepOrder,
     resumes: u32,
     safe: u64,
+    /// Joints are being homed, or not known again yet: the gate begins anew when all are.
+    awaits_homing: bool,
 }
 
 /// The efforts that hold the robot against gravity.
@@ -81,7 +83,13 @@ impl Component for CanAdapter {
             let advice = "enlarge the range in the drive and in the table, or correct `ratio` and `offset`";
             return Err(ConfigError::key("drives", message).advise(advice));
         }
-        limits::of_joints(&equipped)?;
+        let limits = limits::of_joints(&equipped)?;
+        if let Some((joint, message)) = limits::unfit_homing(&equipped, &limits) {
+            let advice = "homing keeps to the limits of the joint: correct `homing` in the drive table, or the robot's model";
+            return Err(
+                ConfigError::key("drives", format!("the homing of `{joint}`: {message}")).advise(advice)
+            );
+        }
         if !config.gravity.iter().all(|number| number.is_finite()) {
             return Err(ConfigError::key("gravity", "expected finite numbers"));
         }
@@ -114,6 +122,7 @@ impl Component for CanAdapter {
             load(Some(&robot), setup.folder(), &config.source()).map_err(ConfigureError::Config)?;
         let limits = limits::of_joints(&equipped).map_err(ConfigureError::Config)?;
         let damping: Vec<f64> = limits.iter().map(|joint| joint.kd).collect();
+        let stiffness: Vec<f64> = limits.iter().map(|joint| joint.kp).collect();
         let Equipped { robot, table, order } = equipped;
         let on_trip = match config.when_tripped {
             WhenTripped::Damp => OnTrip::Damp,
@@ -126,7 +135,7 @@ impl Component for CanAdapter {
             let health = setup.named_output(&format!("{}_health", bus.name))?;
             buses.push(BusAccount::new(index, &bus.name, table.rates(index), health));
         }
-        let mut adapter = Adapter::new(&table, &order, &damping, on_trip);
+        let mut adapter = Adapter::new(&table, &order, &damping, on_trip).with_stiffness(&stiffness);
         adapter.set_cycle(setup.period().as_nanos() as u64);
         let clock = setup.clock();
         let is_real = interfaces::are_real(&table, clock.kind()).map_err(ConfigureError::Config)?;
@@ -163,6 +172,7 @@ impl Component for CanAdapter {
             resumes: gate.resumes(),
             gate,
             safe: 0,
+            awaits_homing: false,
         })
     }
 
@@ -229,8 +239,13 @@ impl CanAdapter {
 
     /// Passes the newest command through the gate to the drives. Before every joint is known nothing is commanded.
     fn apply_command(&mut self, settling: bool) {
-        if self.adapter.oldest_ns().is_none() {
+        if !self.adapter.is_known() {
+            self.await_homing(settling);
             return;
+        }
+        if core::mem::take(&mut self.awaits_homing) {
+            // its safe state was that of positions that were not those of the joints
+            self.gate.relocate();
         }
         let Self { gate, command, measured, weight, .. } = self;
         let [position, velocity] = measured;
@@ -252,9 +267,40 @@ impl CanAdapter {
                 return;
             }
         }
-        for (joint, setpoint) in self.gate.setpoints().iter().enumerate() {
-            let motorium::safety::JointSetpoint { position, velocity, effort, kp, kd, .. } = *setpoint;
-            self.adapter.set(joint, Setpoint { position, velocity, effort, kp, kd });
+        apply(&mut self.adapter, &self.gate);
+    }
+
+    /// A step in which joints have yet to be homed, or some are held and others not known: no command is judged. Joints under way
+    /// let go while the run is stopped, and those that are held take the safe state of the graph until it goes on.
+    fn await_homing(&mut self, settling: bool) {
+        let is_let_go = |link: &Link| link.is_homed() && link.phase() != Phase::Enabled;
+        if self.adapter.links().iter().all(is_let_go) {
+            return;
+        }
+        self.awaits_homing = true;
+        let Self { gate, measured: [position, velocity], adapter, clock, .. } = self;
+        for ((link, position), velocity) in adapter.links().iter().zip(&mut *position).zip(&mut *velocity) {
+            (*position, *velocity, _) = link.state();
+        }
+        // where it is not known how all of them lie, their weight is not known
+        let mut weightless = |effort: &mut [f64]| effort.fill(0.0);
+        if adapter.has_tripped() {
+            gate.trip();
+        }
+        gate.withhold(Measured { position, velocity, gravity: &mut weightless });
+        let resumes = gate.resumes();
+        if core::mem::replace(&mut self.resumes, resumes) != resumes && adapter.has_tripped() {
+            adapter.resume();
+        }
+        let is_stopped = settling || clock.is_settling() || clock.is_latched() || gate.is_latched();
+        if is_stopped && adapter.allows_homing() {
+            // from where the joints are now
+            gate.relocate();
+            gate.withhold(Measured { position, velocity, gravity: &mut weightless });
+        }
+        adapter.allow_homing(!is_stopped);
+        if is_stopped {
+            apply(adapter, gate);
         }
     }
 
@@ -277,9 +323,19 @@ impl CanAdapter {
                 | flag(link.silent() > 0, JointHealth::MISSING)
                 | flag(link.silent() >= crate::adapter::LOST_AFTER, JointHealth::LOST)
                 | flag(link.phase() == Phase::Fault, JointHealth::FAULT)
+                | flag(link.phase() == Phase::Homing, JointHealth::HOMING)
+                | flag(!link.is_homed(), JointHealth::NOT_HOMED)
                 | flag(matches!(link.phase(), Phase::Checking(_)), JointHealth::CHECKING);
             health.temperature[i] = link.temperature().unwrap_or(0.0);
         }
         health.publish()
+    }
+}
+
+/// Commands the setpoints of the gate.
+fn apply(adapter: &mut Adapter, gate: &CommandGate) {
+    for (joint, setpoint) in gate.setpoints().iter().enumerate() {
+        let JointSetpoint { position, velocity, effort, kp, kd, .. } = *setpoint;
+        adapter.set(joint, Setpoint { position, velocity, effort, kp, kd });
     }
 }

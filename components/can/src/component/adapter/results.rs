@@ -1,7 +1,7 @@
 //! The result of `can.adapter`.
 
 use super::CanAdapter;
-use crate::adapter::Phase;
+use crate::adapter::{HomingState, Phase};
 
 impl CanAdapter {
     /// Counts of the whole run, of buses and joints.
@@ -17,6 +17,11 @@ impl CanAdapter {
                 "duplicate_replies": counts.duplicate,
                 "refused_frames": counts.refused,
                 "clamped_commands": counts.clamped,
+                "homing": link.homing().map(homing),
+                "homing_fault": match link.homing() {
+                    Some(HomingState::Failed(fault)) => Some(fault.to_string()),
+                    _ => None,
+                },
                 "lost": counts.lost,
                 "lost_in_cycle": counts.lost_in,
                 "faults": counts.faults,
@@ -72,8 +77,18 @@ fn phase(phase: Phase) -> &'static str {
     match phase {
         Phase::Checking(_) => "checking",
         Phase::Disabled => "disabled",
+        Phase::Homing => "homing",
         Phase::Enabling => "enabling",
         Phase::Enabled => "enabled",
         Phase::Fault => "fault",
+    }
+}
+
+fn homing(state: HomingState) -> &'static str {
+    match state {
+        HomingState::Waiting => "waiting",
+        HomingState::Running => "running",
+        HomingState::Homed => "homed",
+        HomingState::Failed(_) => "failed",
     }
 }

@@ -102,7 +102,7 @@ impl DriveSimulation {
             let position = axis.gear.to_drive(motor.position);
             let torque = axis.drive.step(position, motor.velocity * axis.gear.ratio, now_ns);
             let wanted = torque * axis.gear.ratio;
-            let is_braked = self.config.brakes && !axis.drive.is_enabled();
+            let is_braked = self.config.brakes && !axis.drive.has_torque();
             let brake = if is_braked { BRAKE } else { 0.0 };
             let ideal = Effort { effort: wanted, damping: brake };
             let actuation = axis.actuation.as_mut();

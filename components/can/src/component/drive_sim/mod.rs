@@ -1,8 +1,9 @@
 //! `can.drive_sim`: buses and drives of a robot that physics simulates.
 
 mod actuation;
+mod channel;
 mod config;
-mod ends;
+mod endpoints;
 mod simulated;
 mod sockets;
 mod voice;
@@ -18,12 +19,13 @@ use super::adapter::BATCH;
 use super::faults::{Fault, FaultKind};
 use super::{Equipped, interfaces, load};
 use crate::bus::offered::BATCH_NS;
-use crate::{AnySimulatedDrive as Drive, Frame, Overrides, Table, Transmission};
+use crate::{AnySimulatedDrive as Drive, Frame, Mark, Overrides, Table, Transmission};
 
 use actuation::{Actuation, actuations};
+use channel::channels;
 pub use config::DriveSimulationConfig;
-use ends::Ends;
-use simulated::{Simulated, wires};
+use endpoints::Endpoints;
+use simulated::Simulated;
 use sockets::Sockets;
 use voice::{Sender, Speaker, Voice};
 
@@ -127,16 +129,16 @@ impl Component for DriveSimulation {
         let (faults, clock) = (faults(&config, table).map_err(ConfigureError::Config)?, setup.clock());
         let is_real = interfaces::are_real(table, clock.kind()).map_err(ConfigureError::Config)?;
         let lines = if is_real && table.is_offered() {
-            let ends = Ends::offers(table).map_err(ConfigureError::Config)?;
-            Lines::Simulated(Box::new(Simulated::new(ends, wires(table, &mut axes))))
+            let endpoints = Endpoints::offers(table).map_err(ConfigureError::Config)?;
+            Lines::Simulated(Box::new(Simulated::new(endpoints, channels(table, &mut axes))))
         } else if is_real {
             let sockets = Sockets::open(table, &axes, &faults, clock.clone());
             Lines::Sockets(sockets.map_err(ConfigureError::Config)?)
         } else {
             let (sent, received) =
                 (setup.slice_input("frames_sent")?, setup.slice_output("frames_received")?);
-            let ends = Ends::topics(sent, received);
-            Lines::Simulated(Box::new(Simulated::new(ends, wires(table, &mut axes))))
+            let endpoints = Endpoints::topics(sent, received);
+            Lines::Simulated(Box::new(Simulated::new(endpoints, channels(table, &mut axes))))
         };
         Ok(Self {
             joint_state: setup.input("joint_state")?,
@@ -160,6 +162,12 @@ impl Component for DriveSimulation {
                 axis.drive.cut_power();
             }
             axis.was_off = is_off;
+            let is_on = |kind| self.faults.iter().any(|fault| fault.befalls(kind, axis.entry, now_ns));
+            axis.drive.set_mark(match () {
+                () if is_on(FaultKind::NoMark) => Mark::Missing,
+                () if is_on(FaultKind::StuckMark) => Mark::Stuck,
+                () => Mark::Works,
+            });
         }
         let Self { lines, axes, faults, config, random, clock, .. } = self;
         let mut drives = Drives { axes, faults, config, random, lost: 0 };
@@ -208,8 +216,8 @@ struct Drives<'a> {
 }
 
 impl Drives<'_> {
-    /// All drives of a bus hear a frame; those that it is for answer: the node, its answer, and when that is ready.
-    fn hear(
+    /// All drives of a bus receive a frame; those that it is for answer: the node, its answer, and when that is ready.
+    fn receive(
         &mut self,
         index: usize,
         frame: &Frame,
@@ -225,8 +233,8 @@ impl Drives<'_> {
         }
     }
 
-    /// The other drives of a serial line hear what one of them says; who follows upon it speaks at once.
-    fn overhear(
+    /// The other drives of a serial line observe the frame of one of them; the next in turn answers at once.
+    fn observe(
         &mut self,
         index: usize,
         frame: &Frame,
@@ -237,7 +245,7 @@ impl Drives<'_> {
         let mut voice = Voice { faults, config, random, lost };
         for axis in axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
             let speaker = Speaker::of(axis);
-            axis.drive.overhear(frame, &mut |answer| voice.say(speaker, answer, time_ns, 0, answer_with));
+            axis.drive.observe(frame, &mut |answer| voice.say(speaker, answer, time_ns, 0, answer_with));
         }
     }
 

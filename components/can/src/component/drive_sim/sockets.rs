@@ -125,7 +125,7 @@ impl Sockets {
             drives.report(index, now_ns, &mut answer);
             for received in &inbox[..count] {
                 let time_ns = received.time_ns.saturating_sub(start_ns);
-                drives.hear(index, &received.frame, time_ns, &mut answer);
+                drives.receive(index, &received.frame, time_ns, &mut answer);
             }
         }
         drives.lost += lost;

@@ -131,6 +131,40 @@ pub const FAULT_RESET: u16 = 0x80;
 /// The controlword that takes the power from the motor.
 pub const DISABLE_VOLTAGE: u16 = 0x00;
 
+/// The mode of operation in which a drive looks for its mark.
+pub const HOMING_MODE: u8 = 6;
+/// Bit of the controlword that starts a homing.
+pub const HOMING_START: u16 = 1 << 4;
+
+/// The progress of a homing, in bits 10, 12 and 13 of the statusword.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HomingStatus {
+    /// It is under way, or has not been started.
+    Running,
+    /// The mark has been found, and the drive stands.
+    Attained,
+    /// It has failed.
+    Failed,
+}
+
+impl HomingStatus {
+    /// The progress in a statusword.
+    ///
+    /// ```
+    /// use motorium_can::cia402::HomingStatus;
+    ///
+    /// let all = [0x0237, 0x1237, 0x1637, 0x2637].map(HomingStatus::of);
+    /// assert_eq!(all, [HomingStatus::Running, HomingStatus::Running, HomingStatus::Attained, HomingStatus::Failed]);
+    /// ```
+    pub fn of(statusword: u16) -> Self {
+        match (statusword >> 13 & 1, statusword >> 12 & 1, statusword >> 10 & 1) {
+            (1, ..) => Self::Failed,
+            (_, 1, 1) => Self::Attained,
+            _ => Self::Running,
+        }
+    }
+}
+
 /// Setpoints of one cycle: the first process data that a node receives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setpoint {

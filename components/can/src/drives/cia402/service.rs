@@ -23,6 +23,18 @@ impl Object {
     pub const STATUSWORD: Self = Self { index: 0x6041, subindex: 0 };
     /// The mode of operation.
     pub const MODE: Self = Self { index: 0x6060, subindex: 0 };
+    /// The mode of operation in force.
+    pub const MODE_DISPLAY: Self = Self { index: 0x6061, subindex: 0 };
+    /// The position at the mark of a homing, increments.
+    pub const HOME_OFFSET: Self = Self { index: 0x607c, subindex: 0 };
+    /// The method of homing.
+    pub const HOMING_METHOD: Self = Self { index: 0x6098, subindex: 0 };
+    /// The velocity towards the mark, increments per second.
+    pub const HOMING_VELOCITY: Self = Self { index: 0x6099, subindex: 1 };
+    /// The velocity at the mark, increments per second.
+    pub const HOMING_CREEP_VELOCITY: Self = Self { index: 0x6099, subindex: 2 };
+    /// The acceleration of a homing, increments per second squared.
+    pub const HOMING_ACCELERATION: Self = Self { index: 0x609a, subindex: 0 };
     /// The rated torque of the motor, thousandths of N m.
     pub const RATED_TORQUE: Self = Self { index: 0x6076, subindex: 0 };
     /// The largest current of the motor, thousandths of the rated one.

@@ -1,18 +1,18 @@
-//! The ends of simulated buses: topics to the adapter, or sockets and terminals that any program opens.
+//! The endpoints of simulated buses: topics to the adapter, or sockets and terminals that any program opens.
 
 use motorium::prelude::*;
 use motorium::state::CanFrame;
 use motorium::transport::{SliceInput, SliceOutput};
 
-use super::simulated::Wire;
+use super::channel::Channel;
 use crate::bus::Received;
 use crate::bus::offered::Offer;
 use crate::component::adapter::BATCH;
 use crate::component::{interfaces, wire};
 use crate::{Frame, Report, Table};
 
-/// The ends of simulated buses.
-pub(super) enum Ends {
+/// The endpoints of simulated buses.
+pub(super) enum Endpoints {
     /// Topics, one batch for all buses.
     Topics(Box<Topics>),
     /// Sockets and terminals on which each bus is offered.
@@ -35,7 +35,7 @@ pub(super) struct Offers {
     start_ns: u64,
 }
 
-impl Ends {
+impl Endpoints {
     pub(super) fn topics(sent: SliceInput<CanFrame>, received: SliceOutput<CanFrame>) -> Self {
         let answers = Vec::with_capacity(BATCH);
         Self::Topics(Box::new(Topics { sent, received, answers, lost: 0 }))
@@ -48,31 +48,31 @@ impl Ends {
     }
 
     /// Hands the frames of the computer to their buses, at the time at which it sent them.
-    pub(super) fn hear(&mut self, start_ns: u64, buses: &mut [Wire]) {
+    pub(super) fn receive(&mut self, start_ns: u64, buses: &mut [Channel]) {
         match self {
             Self::Topics(topics) => {
                 topics.answers.clear();
                 while let Some((stamp, frames)) = topics.sent.next_unread() {
                     let ready_ns = stamp.publish_time.saturating_sub(start_ns);
                     for frame in frames {
-                        let Some(wire) = buses.get_mut(frame.bus as usize) else { continue };
+                        let Some(channel) = buses.get_mut(frame.bus as usize) else { continue };
                         let Some(data) = wire::from_topic(frame) else { continue };
-                        wire.hand_over(data, ready_ns);
+                        channel.hand_over(data, ready_ns);
                     }
                 }
             }
             Self::Offers(all) => {
                 all.start_ns = start_ns;
-                for (offer, wire) in all.offers.iter_mut().zip(buses) {
+                for (offer, channel) in all.offers.iter_mut().zip(buses) {
                     // a socket hands on all that comes, and the interface drops what it has no room for; a terminal keeps
                     // it, as the line of an adapter does
                     let room = match offer {
                         Offer::Socket(_) => BATCH,
-                        Offer::Terminal(_) => wire.room().min(BATCH),
+                        Offer::Terminal(_) => channel.room().min(BATCH),
                     };
                     let count = offer.receive(&mut all.inbox[..room]);
                     for received in &all.inbox[..count] {
-                        wire.hand_over(received.frame, received.time_ns.saturating_sub(start_ns));
+                        channel.hand_over(received.frame, received.time_ns.saturating_sub(start_ns));
                     }
                 }
             }
@@ -80,7 +80,7 @@ impl Ends {
     }
 
     /// Lets the adapter receive a frame.
-    pub(super) fn tell(&mut self, bus: usize, frame: &Frame, time_ns: u64) {
+    pub(super) fn deliver(&mut self, bus: usize, frame: &Frame, time_ns: u64) {
         match self {
             Self::Topics(topics) => topics.push(wire::to_topic(frame, bus, time_ns)),
             Self::Offers(Offers { offers, start_ns, .. }) => {
@@ -98,12 +98,12 @@ impl Ends {
     }
 
     /// Takes its interface down, or up again.
-    pub(super) fn set_down(&mut self, bus: usize, is_down: bool, now_ns: u64) {
+    pub(super) fn set_link_down(&mut self, bus: usize, is_down: bool, now_ns: u64) {
         match self {
             Self::Topics(topics) if is_down => topics.push(wire::down(bus, now_ns)),
             // the report of the controller says that it is up again
             Self::Topics(_) => {}
-            Self::Offers(Offers { offers, .. }) => offers[bus].set_down(is_down),
+            Self::Offers(Offers { offers, .. }) => offers[bus].set_link_down(is_down),
         }
     }
 

@@ -1,0 +1,198 @@
+//! The homing of a drive of CiA 402, by its mode 6.
+//!
+//! Its objects are written while the drive is checked. The mode is changed by service data beside the process data, while the drive
+//! is let go, and read back from the object that displays the one in force. Then the state machine is led to enabled, and bit 4 of the
+//! controlword starts the homing, whose progress stands in the statusword.
+
+use super::Cia402;
+use crate::adapter::HomingFault;
+use crate::cia402::{
+    DISABLE_VOLTAGE, DriveState, HOMING_MODE, HOMING_START, HomingStatus, Object, Service, Value,
+};
+use crate::frame::{DecodeError, Frame};
+
+/// Cycles after which a service that was not answered is asked for again.
+const ASK_AGAIN: u16 = 20;
+/// Cycles from the start to the first statusword that counts: it may show the homing before.
+const SETTLES: u16 = 8;
+
+/// The stage of a homing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) enum Stage {
+    /// None is under way.
+    #[default]
+    None,
+    /// This mode is written and read back; then homing begins, or it is over.
+    Mode { mode: u8, is_written: bool, asked: u16 },
+    /// The drive is led to enabled.
+    Enabling,
+    /// It looks for its mark, for so many cycles, and has been seen under way or not.
+    Running { cycles: u16, was_seen: bool },
+    /// It is over.
+    Over(Result<(), HomingFault>),
+}
+
+impl Stage {
+    fn mode(mode: u8) -> Self {
+        Self::Mode { mode, is_written: false, asked: 0 }
+    }
+
+    pub(super) fn begin() -> Self {
+        Self::mode(HOMING_MODE)
+    }
+
+    pub(super) fn result(self) -> Option<Result<(), HomingFault>> {
+        match self {
+            Self::Over(result) => Some(result),
+            _ => None,
+        }
+    }
+}
+
+impl Cia402 {
+    /// The service that the stage asks for.
+    fn homing_service(&self) -> Option<Service> {
+        match self.homing {
+            Stage::Mode { mode, is_written: false, .. } => {
+                Some(Service::Write(Object::MODE, Value::byte(mode)))
+            }
+            Stage::Mode { .. } => Some(Service::Read(Object::MODE_DISPLAY)),
+            _ => None,
+        }
+    }
+
+    /// The controlword of a cycle of homing; a service goes out beside it.
+    pub(super) fn home(&mut self, frames: &mut Vec<Frame>) -> u16 {
+        if let Some(service) = self.homing_service()
+            && let Stage::Mode { asked, .. } = &mut self.homing
+        {
+            // two at a time would be answered in any order
+            if *asked == 0 {
+                frames.push(self.node.service(&service));
+            }
+            *asked = (*asked + 1) % ASK_AGAIN;
+        }
+        match (self.homing, self.state) {
+            (Stage::Enabling, DriveState::Enabled) => {
+                // a method that takes the place where it stands is over at once
+                let is_here = self.homes.is_some_and(|homes| matches!(homes.method, 35 | 37));
+                self.homing = Stage::Running { cycles: 0, was_seen: is_here };
+                0x0f | HOMING_START
+            }
+            (Stage::Enabling, state) => state.towards_enabled().unwrap_or(DISABLE_VOLTAGE),
+            (Stage::Running { cycles, was_seen }, _) => {
+                self.homing = Stage::Running { cycles: cycles.saturating_add(1), was_seen };
+                0x0f | HOMING_START
+            }
+            (Stage::None | Stage::Mode { .. } | Stage::Over(_), _) => DISABLE_VOLTAGE,
+        }
+    }
+
+    /// Takes the answer to a service.
+    pub(super) fn take_homing_service(&mut self, frame: &Frame) {
+        let Some(service) = self.homing_service() else { return };
+        let value = match self.node.service_result(&service, frame) {
+            Ok(value) => value,
+            Err(DecodeError::Refused { code }) => {
+                self.homing = Stage::Over(Err(HomingFault::Refused(code)));
+                return;
+            }
+            // an answer to an earlier one
+            Err(_) => return,
+        };
+        let Stage::Mode { mode, is_written, asked } = &mut self.homing else { return };
+        *asked = 0;
+        if !*is_written {
+            *is_written = true;
+        } else if value.is_some_and(|found| found.number() == u32::from(*mode)) {
+            let is_homing = *mode == HOMING_MODE;
+            self.homing = if is_homing { Stage::Enabling } else { Stage::Over(Ok(())) };
+        }
+    }
+
+    /// Takes the statusword of a cycle.
+    pub(super) fn take_homing_status(&mut self, statusword: u16) {
+        let Stage::Running { cycles, was_seen } = &mut self.homing else { return };
+        let status = HomingStatus::of(statusword);
+        *was_seen |= status != HomingStatus::Attained;
+        let (cycles, was_seen) = (*cycles, *was_seen);
+        if self.state != DriveState::Enabled && cycles > SETTLES {
+            self.homing = Stage::Over(Err(HomingFault::LetGo));
+            return;
+        }
+        match status {
+            _ if cycles < SETTLES => {}
+            HomingStatus::Running => {}
+            // that of the homing before
+            HomingStatus::Attained if !was_seen => {}
+            HomingStatus::Attained => self.homing = Stage::mode(self.cyclic() as u8),
+            HomingStatus::Failed => self.homing = Stage::Over(Err(HomingFault::Drive)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::table::Table;
+
+    /// A statusword of an enabled drive, and the same with the mark attained.
+    const UNDER_WAY: u16 = 0x0237;
+    const ATTAINED: u16 = 0x1637;
+
+    fn drive(method: i8) -> Cia402 {
+        let text = format!(
+            "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n[[drive]]\njoint = \"a\"\nbus = \"can0\"\nprotocol = \"cia402\"\n\
+             node = 5\nwatchdog = \"20 ms\"\nincrements = 65536.0\nrated_torque = 5.0\nrated_current = 4.0\ncurrent_limit = 2.0\n\
+             ranges = {{ position = 3.0, velocity = 30.0, torque = 2.0 }}\n\
+             homing = {{ by = \"drive\", method = {method}, velocity = 0.5, creep_velocity = 0.1, acceleration = 1.0 }}\n"
+        );
+        let mut drive = Cia402::new(&Table::parse(&text).unwrap(), 0);
+        drive.state = DriveState::Enabled;
+        drive
+    }
+
+    /// Lets cycles pass with this statusword.
+    fn pass(drive: &mut Cia402, cycles: u16, statusword: u16) {
+        for _ in 0..cycles {
+            drive.home(&mut Vec::new());
+            drive.take_homing_status(statusword);
+        }
+    }
+
+    #[test]
+    fn a_mark_that_was_attained_in_the_homing_before_is_none_of_this_one() {
+        let mut drive = drive(17);
+        drive.homing = Stage::Enabling;
+        pass(&mut drive, 500, ATTAINED);
+        assert!(matches!(drive.homing, Stage::Running { .. }), "{:?}", drive.homing);
+        pass(&mut drive, 1, UNDER_WAY);
+        pass(&mut drive, 1, ATTAINED);
+        assert!(matches!(drive.homing, Stage::Mode { mode: 8, .. }), "{:?}", drive.homing);
+    }
+
+    #[test]
+    fn a_method_that_takes_the_place_where_the_drive_stands_may_be_over_at_once() {
+        for method in [35, 37] {
+            let mut drive = drive(method);
+            drive.homing = Stage::Enabling;
+            pass(&mut drive, SETTLES + 2, ATTAINED);
+            assert!(matches!(drive.homing, Stage::Mode { mode: 8, .. }), "{:?}", drive.homing);
+        }
+    }
+
+    #[test]
+    fn a_service_that_the_drive_refuses_ends_the_homing_with_its_code() {
+        let mut drive = drive(17);
+        drive.homing = Stage::begin();
+        let refused = drive
+            .node
+            .service_answer(&Service::Write(Object::MODE, Value::byte(HOMING_MODE)), Err(0x0609_0030));
+        // that of another object says nothing
+        let other = drive.node.service_answer(&Service::Read(Object::RATED_TORQUE), Err(0x0602_0000));
+        drive.take_homing_service(&other);
+        assert_eq!(drive.homing.result(), None);
+        drive.take_homing_service(&refused);
+        assert_eq!(drive.homing.result(), Some(Err(HomingFault::Refused(0x0609_0030))));
+    }
+}

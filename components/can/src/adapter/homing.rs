@@ -1,0 +1,263 @@
+//! The homing of joints whose position is not known when their power comes on.
+//!
+//! A drive with a procedure of its own is asked for it, and says zero at its mark. Any other joint is led slowly into its
+//! mechanical stop by the adapter.
+
+mod stop;
+
+use super::dialogue::Order;
+use super::{Adapter, Link, OnTrip, Phase, Setpoint};
+use crate::table::{HomingBy, HomingEntry};
+use stop::{Outcome, Stop};
+
+/// The reason why a joint was not homed.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum HomingFault {
+    /// Its time was over.
+    #[error(
+        "the mark was not found in time: does its switch work, is the way there free, is `timeout` long enough?"
+    )]
+    TimedOut,
+    /// The drive reported that it failed.
+    #[error("the drive says that homing failed: is its switch stuck, or its method that of another switch?")]
+    Drive,
+    /// The drive ended it before it was seen to begin.
+    #[error("the drive ended it before it had begun: is homing set up in it?")]
+    NotBegun,
+    /// The drive let go meanwhile.
+    #[error("the drive let go while it was homed")]
+    LetGo,
+    /// The drive does not take an object of its homing.
+    #[error("the drive refuses an object of its homing: code 0x{0:08X}")]
+    Refused(u32),
+    /// The joint did not move off its stop.
+    #[error("it does not move off the stop again: is it jammed, or its brake closed?")]
+    Jammed,
+    /// The joint came to rest at two places.
+    #[error("its stop lies at two places, {0:.4} apart: is something soft in its way?")]
+    Ambiguous(f64),
+    /// The joint gave way when it stood there with half of its effort.
+    #[error(
+        "with half of `effort` it does not stay where it came to rest: was it no stop, but its weight that stopped it?"
+    )]
+    Balanced,
+    /// The joint moved much faster than it was commanded.
+    #[error("it moves {0:.1} times as fast as it is commanded: does its load pull it?")]
+    Runaway(f64),
+}
+
+/// The progress of a homing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HomingState {
+    /// Its position is not known.
+    Waiting,
+    /// It is being homed.
+    Running,
+    /// Its position is known.
+    Homed,
+    /// It was not homed.
+    Failed(HomingFault),
+}
+
+/// The homing of one joint.
+#[derive(Clone, Debug)]
+pub(super) struct Homing {
+    pub(super) order: u8,
+    pub(super) state: HomingState,
+    timeout_ns: u64,
+    elapsed_ns: u64,
+    /// By the adapter; `None` by the drive.
+    pub(super) stop: Option<Stop>,
+}
+
+impl Homing {
+    pub(super) fn of(entry: &HomingEntry) -> Self {
+        Self {
+            order: entry.order.unwrap_or(0),
+            state: HomingState::Waiting,
+            timeout_ns: entry.timeout().as_nanos() as u64,
+            elapsed_ns: 0,
+            stop: (entry.by == HomingBy::Stop).then(|| Stop::of(entry)),
+        }
+    }
+
+    /// Begins it.
+    pub(super) fn begin(&mut self) {
+        (self.state, self.elapsed_ns) = (HomingState::Running, 0);
+        if let Some(stop) = &mut self.stop {
+            stop.begin();
+        }
+    }
+
+    /// Forgets the position, if it was known or about to be.
+    pub(super) fn forget(&mut self) {
+        self.state = HomingState::Waiting;
+    }
+
+    /// Lets a cycle pass; true if its time is over.
+    pub(super) fn pass(&mut self, cycle_ns: u64) -> bool {
+        self.elapsed_ns += cycle_ns;
+        self.elapsed_ns > self.timeout_ns
+    }
+}
+
+impl Adapter {
+    /// Lets homing go on, which it does by default, or stops it: joints under way let go at once, and begin anew when it may go on.
+    /// Joints that are held meanwhile follow [`set`](Self::set) until then.
+    pub fn allow_homing(&mut self, is_allowed: bool) {
+        let was_allowed = core::mem::replace(&mut self.is_homing_allowed, is_allowed);
+        if !is_allowed {
+            self.links.iter_mut().for_each(Link::interrupt_homing);
+        } else if !was_allowed && self.awaits_homing() {
+            self.links.iter_mut().filter(|link| link.phase == Phase::Enabled).for_each(Link::hold);
+        }
+    }
+
+    /// True while homing may go on.
+    pub fn allows_homing(&self) -> bool {
+        self.is_homing_allowed
+    }
+
+    /// True if some joint has yet to be homed.
+    pub fn awaits_homing(&self) -> bool {
+        !self.links.iter().all(Link::is_homed)
+    }
+
+    /// Goes on with the homing of the joints by a cycle, those of the lowest order first.
+    pub(super) fn advance_homing(&mut self) {
+        if self.tripped || self.is_observer || !self.is_homing_allowed {
+            self.links.iter_mut().for_each(Link::interrupt_homing);
+            return;
+        }
+        for link in &mut self.links {
+            if let Some(Err(fault)) = link.advance_homing(self.cycle_ns) {
+                link.end_homing(HomingState::Failed(fault));
+                self.tripped = true;
+            }
+        }
+        if self.tripped {
+            // they let go for the reason of another one
+            self.links.iter_mut().for_each(Link::interrupt_homing);
+            return;
+        }
+        let is_ready = |link: &Link| match link.phase {
+            Phase::Disabled => link.fresh && link.silent == 0,
+            Phase::Enabled => true,
+            Phase::Checking(_) | Phase::Homing | Phase::Enabling | Phase::Fault => false,
+        };
+        if !self.links.iter().all(is_ready) {
+            return;
+        }
+        let homings = self.links.iter().filter_map(|link| link.homing.as_ref());
+        let waiting = homings.filter(|homing| homing.state == HomingState::Waiting);
+        let first = waiting.map(|homing| homing.order).min();
+        for link in &mut self.links {
+            if let Some(homing) = &mut link.homing
+                && homing.state == HomingState::Waiting
+                && Some(homing.order) == first
+            {
+                homing.begin();
+                link.dialogue.begin_homing();
+                link.phase = Phase::Homing;
+            }
+        }
+    }
+}
+
+impl Link {
+    /// True if its position is that of the joint: it needs no homing, or has been homed.
+    pub fn is_homed(&self) -> bool {
+        self.homing.as_ref().is_none_or(|homing| homing.state == HomingState::Homed)
+    }
+
+    /// The progress of its homing; `None` if it needs none.
+    pub fn homing(&self) -> Option<HomingState> {
+        self.homing.as_ref().map(|homing| homing.state)
+    }
+
+    /// Forgets where it stands: its position is that of the joint no more.
+    pub(super) fn forget_homing(&mut self) {
+        if let Some(homing) = &mut self.homing
+            && !matches!(homing.state, HomingState::Failed(_))
+        {
+            homing.forget();
+        }
+    }
+
+    /// Lets it go in the middle of its homing, which begins anew some day.
+    fn interrupt_homing(&mut self) {
+        if self.phase == Phase::Homing {
+            self.end_homing(HomingState::Waiting);
+        }
+    }
+
+    /// Notes that a trip makes it let go, if it does: it has not done so by itself, and what it has found stays.
+    pub(super) fn let_go(&mut self, on_trip: OnTrip) {
+        self.interrupt_homing();
+        let lets_go = self.phase == Phase::Enabled && on_trip == OnTrip::Disable;
+        if lets_go || self.phase == Phase::Enabling {
+            (self.phase, self.fresh) = (Phase::Disabled, false);
+        }
+    }
+
+    /// Ends its homing: it lets go.
+    pub(super) fn end_homing(&mut self, state: HomingState) {
+        if self.phase == Phase::Homing {
+            (self.phase, self.fresh) = (Phase::Disabled, false);
+        }
+        if let Some(homing) = &mut self.homing {
+            homing.state = state;
+        }
+    }
+
+    /// The order of a cycle of its homing.
+    pub(super) fn homing_order(&self) -> Order {
+        match self.homing.as_ref().map(|homing| &homing.stop) {
+            Some(Some(stop)) if stop.is_enabled => {
+                let (velocity, kd) = stop.command(self.velocity);
+                self.command(Setpoint { velocity, kd, ..Setpoint::default() })
+            }
+            Some(Some(_)) => Order::Enable,
+            _ => Order::Home,
+        }
+    }
+
+    /// Goes on with its homing by a cycle; the result once it is over.
+    fn advance_homing(&mut self, cycle_ns: u64) -> Option<Result<(), HomingFault>> {
+        let Self { homing: Some(homing), phase: Phase::Homing, dialogue, gear, .. } = self else {
+            return None;
+        };
+        let Some(stop) = &mut homing.stop else {
+            match dialogue.homing_result() {
+                Some(Ok(())) => self.end_homing(HomingState::Homed),
+                Some(Err(fault)) => return Some(Err(fault)),
+                None if homing.pass(cycle_ns) => return Some(Err(HomingFault::TimedOut)),
+                None => {}
+            }
+            return None;
+        };
+        if stop.is_enabled && self.silent == 0 {
+            // whatever the offset is: a zero would do as well
+            match stop.step(self.position - gear.offset, cycle_ns) {
+                Outcome::Moving => {}
+                Outcome::Failed(fault) => return Some(Err(fault)),
+                Outcome::Found(at) => {
+                    let moved = stop.position - at - gear.offset;
+                    gear.offset += moved;
+                    self.position += moved;
+                    homing.state = HomingState::Homed;
+                    self.phase = Phase::Enabled;
+                    self.hold();
+                    return Some(Ok(()));
+                }
+            }
+        }
+        homing.pass(cycle_ns).then_some(Err(HomingFault::TimedOut))
+    }
+
+    /// Holds the joint where it is, with the gains of the safe states, until it is commanded.
+    pub(super) fn hold(&mut self) {
+        let Self { position, stiffness: kp, damping: kd, .. } = *self;
+        self.setpoint = Setpoint { position, kp, kd, ..Setpoint::default() };
+    }
+}

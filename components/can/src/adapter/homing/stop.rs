@@ -1,0 +1,168 @@
+//! The homing of a joint at its mechanical stop.
+//!
+//! It is led there with the effort that it may stand there with: it comes to rest, moves off the stop, and comes to rest a second
+//! time at the same place. A joint that does not move off again is jammed, or its brake is closed; one that finds two places has met
+//! something that gave way. Where its weight alone stops it, it comes to rest at the same place just as well, and sinks back as soon
+//! as its effort is halved.
+
+use super::HomingFault;
+use crate::table::HomingEntry;
+
+/// Time over which motion is judged, ns.
+const WINDOW_NS: u64 = 200_000_000;
+/// Windows in a row without motion after which it stands.
+const STILL_WINDOWS: u32 = 2;
+/// Share of the commanded velocity below which a joint does not move. One that is heavy gathers way faster than that.
+const STILL: f64 = 0.03;
+/// Multiple of the commanded velocity beyond which it runs away.
+const RUNAWAY: f64 = 5.0;
+/// Largest difference of the two places of a stop, as a share of the way between.
+const REPEATS_WITHIN: f64 = 0.4;
+/// Share of the effort with which it has to stay where it came to rest.
+const EASED: f64 = 0.5;
+/// Largest way by which it gives then, as a share of that at the commanded velocity in a window.
+const GIVES_WITHIN: f64 = 0.2;
+
+/// The stage of a homing at a stop; positions are those of the joint but for its offset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stage {
+    /// To the stop.
+    Approach,
+    /// Away from it, from this position.
+    BackOff(f64),
+    /// To the stop again, which was found at this position.
+    ApproachAgain(f64),
+    /// Against it with half of the effort, from this position. What its weight alone has stopped sinks back.
+    Ease(f64),
+    /// Away from it for good.
+    Leave(f64),
+}
+
+/// A homing at the mechanical stop of a joint.
+#[derive(Clone, Debug)]
+pub(in crate::adapter) struct Stop {
+    velocity: f64,
+    /// Velocity gain with which it stands against the stop with the effort that it may.
+    kd: f64,
+    /// Position of the joint at the stop.
+    pub(in crate::adapter) position: f64,
+    back_off: f64,
+    stage: Stage,
+    /// The drive follows commands.
+    pub(in crate::adapter) is_enabled: bool,
+    window_ns: u64,
+    from: Option<f64>,
+    still: u32,
+}
+
+/// The outcome of one cycle of a homing at a stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::adapter) enum Outcome {
+    /// It goes on.
+    Moving,
+    /// The stop was found at this position, and the joint has moved off it.
+    Found(f64),
+    /// It failed.
+    Failed(HomingFault),
+}
+
+impl Stop {
+    pub(super) fn of(entry: &HomingEntry) -> Self {
+        // the table has been checked
+        let velocity = entry.velocity.unwrap_or(1.0);
+        Self {
+            velocity,
+            kd: entry.effort.unwrap_or_default() / velocity.abs(),
+            position: entry.position.unwrap_or_default(),
+            back_off: entry.back_off(),
+            stage: Stage::Approach,
+            is_enabled: false,
+            window_ns: 0,
+            from: None,
+            still: 0,
+        }
+    }
+
+    pub(super) fn begin(&mut self) {
+        (self.stage, self.is_enabled) = (Stage::Approach, false);
+        self.begin_window(None);
+        self.still = 0;
+    }
+
+    fn begin_window(&mut self, from: Option<f64>) {
+        (self.window_ns, self.from) = (0, from);
+    }
+
+    fn enter(&mut self, stage: Stage) {
+        (self.stage, self.still) = (stage, 0);
+        self.begin_window(None);
+    }
+
+    fn direction(&self) -> f64 {
+        match self.stage {
+            Stage::Approach | Stage::ApproachAgain(_) | Stage::Ease(_) => self.velocity.signum(),
+            Stage::BackOff(_) | Stage::Leave(_) => -self.velocity.signum(),
+        }
+    }
+
+    /// The velocity to command to a joint that has this one, and the gain with which it is followed: with no more than its effort.
+    pub(super) fn command(&self, measured: f64) -> (f64, f64) {
+        let most = self.velocity.abs();
+        let share = if matches!(self.stage, Stage::Ease(_)) { EASED } else { 1.0 };
+        ((self.direction() * most).clamp(measured - most, measured + most), share * self.kd)
+    }
+
+    /// A cycle that ends with the joint at this position.
+    pub(super) fn step(&mut self, position: f64, cycle_ns: u64) -> Outcome {
+        let forward = (position - self.from.unwrap_or(position)) * self.direction();
+        if let Stage::BackOff(from) | Stage::Leave(from) = self.stage
+            && (from - position) * self.velocity.signum() >= self.back_off
+        {
+            match self.stage {
+                Stage::Leave(_) => return Outcome::Found(from),
+                _ => self.enter(Stage::ApproachAgain(from)),
+            }
+            return Outcome::Moving;
+        }
+        if let Stage::Ease(from) = self.stage {
+            let moved = (position - from) * self.velocity.signum();
+            let most = GIVES_WITHIN * self.velocity.abs() * WINDOW_NS as f64 * 1e-9;
+            if moved < -most {
+                return Outcome::Failed(HomingFault::Balanced);
+            } else if moved > most {
+                return Outcome::Failed(HomingFault::Ambiguous(moved));
+            }
+        }
+        if self.from.is_none() {
+            self.begin_window(Some(position));
+            return Outcome::Moving;
+        }
+        self.window_ns += cycle_ns;
+        if self.window_ns < WINDOW_NS {
+            return Outcome::Moving;
+        }
+        let commanded = self.velocity.abs() * self.window_ns as f64 * 1e-9;
+        let share = forward / commanded;
+        self.begin_window(Some(position));
+        if share.abs() > RUNAWAY {
+            return Outcome::Failed(HomingFault::Runaway(share.abs()));
+        }
+        self.still = if share.abs() < STILL { self.still + 1 } else { 0 };
+        if self.still < STILL_WINDOWS {
+            return Outcome::Moving;
+        }
+        match self.stage {
+            Stage::Approach => self.enter(Stage::BackOff(position)),
+            Stage::BackOff(_) | Stage::Leave(_) => return Outcome::Failed(HomingFault::Jammed),
+            Stage::ApproachAgain(first) => {
+                let apart = (position - first).abs();
+                if apart > REPEATS_WITHIN * self.back_off {
+                    return Outcome::Failed(HomingFault::Ambiguous(apart));
+                }
+                self.enter(Stage::Ease(position));
+            }
+            Stage::Ease(_) => self.enter(Stage::Leave(position)),
+        }
+        Outcome::Moving
+    }
+}

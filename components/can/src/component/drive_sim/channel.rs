@@ -1,0 +1,73 @@
+//! One simulated bus: its nodes, and the interface of the adapter on it.
+
+use super::Axis;
+use crate::component::adapter::BATCH;
+use crate::{Condition, Frame, SimulatedBus, Table};
+
+/// One bus: node 0 is the adapter, those from 1 on are drives, then comes one that babbles, and one like a drive.
+pub(super) struct Channel {
+    pub(super) bus: SimulatedBus,
+    pub(super) babbler: usize,
+    pub(super) twin: usize,
+    pub(super) babbled_ns: u64,
+    /// Condition of the adapter's interface, as it was told last.
+    pub(super) condition: Condition,
+    pub(super) is_down: bool,
+    pub(super) was_off: bool,
+    /// The nodes that are on the bus, unless their errors drove them off.
+    connected: Vec<bool>,
+    /// Frames of the adapter that wait at most, as in the queue of an interface of Linux and its controller.
+    room: usize,
+    pub(super) unsent: u8,
+    pub(super) is_unacknowledged: bool,
+}
+
+impl Channel {
+    /// Frames of the computer that it has room for.
+    pub(super) fn room(&self) -> usize {
+        self.room.saturating_sub(self.bus.waiting(0))
+    }
+
+    /// Hands a frame of the computer over; one that finds no room is not sent.
+    pub(super) fn hand_over(&mut self, frame: Frame, ready_ns: u64) {
+        let fits = self.room() > 0 && self.bus.enqueue(0, frame, ready_ns);
+        self.unsent = self.unsent.saturating_add(u8::from(!fits));
+    }
+
+    /// Plugs a node in or out; one that comes back begins anew.
+    pub(super) fn connect(&mut self, node: usize, is_connected: bool) {
+        match (self.connected[node], is_connected) {
+            (true, false) => self.bus.switch_off(node),
+            (false, true) => self.bus.restart(node),
+            _ => {}
+        }
+        self.connected[node] = is_connected;
+    }
+}
+
+/// Frames that an interface of Linux keeps: ten in its queue, two in its controller.
+const ROOM: usize = 12;
+
+/// Simulated buses; each drive gets its node.
+pub(super) fn channels(table: &Table, axes: &mut [Axis]) -> Vec<Channel> {
+    let channel = |index: usize| {
+        let mut nodes = 1;
+        for axis in axes.iter_mut().filter(|axis| axis.bus == index) {
+            (axis.node, nodes) = (nodes, nodes + 1);
+        }
+        Channel {
+            bus: SimulatedBus::new(table.rates(index), nodes + 2, BATCH),
+            babbler: nodes,
+            twin: nodes + 1,
+            babbled_ns: 0,
+            condition: Condition::Active,
+            is_down: false,
+            was_off: false,
+            connected: vec![true; nodes + 2],
+            room: ROOM.max(nodes - 1),
+            unsent: 0,
+            is_unacknowledged: false,
+        }
+    };
+    (0..table.buses.len()).map(channel).collect()
+}

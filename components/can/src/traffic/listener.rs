@@ -1,0 +1,207 @@
+//! Listening and sending, on interfaces of the kernel and on simulated buses.
+
+use core::time::Duration;
+use std::io;
+use std::os::fd::{AsFd as _, BorrowedFd};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use socketcan::dump::CanDumpRecord;
+use socketcan::{CanFdSocket, Socket as _, SocketOptions as _};
+
+use super::{Record, since_1970_us};
+use crate::bus::Bus as _;
+use crate::bus::offered::{Place, Traffic, UnixBus};
+use crate::bus::socket::look_up;
+use crate::{Condition, OpenError};
+
+/// Listeners on interfaces of the kernel and on simulated buses (`unix:NAME`), for tools: they wait, and may allocate.
+///
+/// ```
+/// use motorium_can::bus::offered::{Offer, Place};
+/// use motorium_can::{Frame, Id, Listener, Rates, Received};
+///
+/// let name = format!("listened-{}", std::process::id());
+/// let rates = Rates { nominal: 1_000_000, fast: 1_000_000 };
+/// let mut offer = Offer::open(Place::Socket(&name), rates, false, false)?;
+/// let mut listener = Listener::open([format!("unix:{name}").as_str()])?;
+/// offer.receive(&mut [Received::default()]); // which admits the listener
+/// let frame = Frame::classic(Id::Standard(0x123), &[1, 2]);
+/// offer.deliver(&Received { frame, time_ns: 0 });
+/// offer.flush();
+/// let record = listener.next(core::time::Duration::from_secs(5))?.ok_or("no record")?;
+/// assert_eq!(record.frame(), Some(frame));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Listener {
+    sources: Vec<Source>,
+}
+
+/// The simulated bus of this name; `None` for an interface of the kernel.
+fn simulated(name: &str) -> Result<Option<Box<UnixBus>>, OpenError> {
+    match Place::of(name) {
+        Some(Place::Socket(socket)) => UnixBus::open(socket).map(|bus| Some(Box::new(bus))),
+        Some(Place::Terminal(_)) => Err(OpenError::NotShared(name.to_string())),
+        None if name.starts_with('/') => Err(OpenError::NotShared(name.to_string())),
+        None => Ok(None),
+    }
+}
+
+/// A bus that is listened to.
+enum Source {
+    Kernel(String, CanFdSocket),
+    Simulated(Box<UnixBus>),
+}
+
+impl Source {
+    fn open(name: &str) -> Result<Self, OpenError> {
+        if let Some(bus) = simulated(name)? {
+            return Ok(Self::Simulated(bus));
+        }
+        let refused = |error| OpenError::Refused(name.to_string(), error);
+        look_up(name)?;
+        let socket = CanFdSocket::open(name).map_err(refused)?;
+        socket.set_nonblocking(true).map_err(refused)?;
+        socket.set_error_filter_accept_all().map_err(refused)?;
+        socket.set_recv_timestamp(true).map_err(refused)?;
+        Ok(Self::Kernel(name.to_string(), socket))
+    }
+
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        match self {
+            Self::Kernel(_, socket) => socket.as_fd(),
+            Self::Simulated(bus) => bus.as_fd(),
+        }
+    }
+
+    /// The next record, if there is one.
+    fn next(&mut self) -> io::Result<Option<Record>> {
+        match self {
+            Self::Kernel(name, socket) => match socket.read_frame_with_timestamp() {
+                Ok((frame, time)) => {
+                    let (t_us, device) = (since_1970_us(time), name.clone());
+                    Ok(Some(Record(CanDumpRecord { t_us, device, frame, direction: None })))
+                }
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(None),
+                Err(error) => Err(io::Error::new(error.kind(), format!("`{name}`: {error}"))),
+            },
+            Self::Simulated(bus) => {
+                let refused =
+                    |bus: &UnixBus, why: &str| Err(io::Error::other(format!("`{}`: {why}", bus.name())));
+                match bus.next() {
+                    Some(Traffic::Frame(received)) => match Record::of_simulated(bus.name(), &received) {
+                        Some(record) => Ok(Some(record)),
+                        None => refused(bus, "a line of servos, whose packets are no CAN frames"),
+                    },
+                    Some(Traffic::Report(report)) => Ok(Record::of_report(bus.name(), &report)),
+                    None if bus.condition() == Condition::Gone => {
+                        refused(bus, "the program that simulates it has ended")
+                    }
+                    None => Ok(None),
+                }
+            }
+        }
+    }
+}
+
+impl Listener {
+    /// Listens on these interfaces.
+    ///
+    /// # Errors
+    /// One is missing or down, is a line that one program has for itself, or the kernel refuses.
+    pub fn open<'a>(interfaces: impl IntoIterator<Item = &'a str>) -> Result<Self, OpenError> {
+        Ok(Self { sources: interfaces.into_iter().map(Source::open).collect::<Result<_, _>>()? })
+    }
+
+    /// The next record, if one comes within `timeout`.
+    ///
+    /// # Errors
+    /// An interface went down or away.
+    pub fn next(&mut self, timeout: Duration) -> io::Result<Option<Record>> {
+        if let Some(record) = self.take()? {
+            return Ok(Some(record));
+        }
+        let mut polled: Vec<PollFd<'_>> = self
+            .sources
+            .iter()
+            .map(|source| PollFd::from_borrowed_fd(source.as_fd(), PollFlags::IN))
+            .collect();
+        let timeout = Timespec { tv_sec: timeout.as_secs() as i64, tv_nsec: timeout.subsec_nanos().into() };
+        match poll(&mut polled, Some(&timeout)) {
+            Ok(_) | Err(rustix::io::Errno::INTR) => self.take(),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn take(&mut self) -> io::Result<Option<Record>> {
+        for source in &mut self.sources {
+            if let Some(record) = source.next()? {
+                return Ok(Some(record));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// A sender of records on an interface of the kernel or a simulated bus (`unix:NAME`), for tools.
+pub struct Sender {
+    name: String,
+    line: Line,
+}
+
+/// The way on which records are sent.
+enum Line {
+    Kernel(CanFdSocket),
+    Simulated(Box<UnixBus>),
+}
+
+impl Sender {
+    /// Sends on an interface.
+    ///
+    /// # Errors
+    /// It is missing or down, is a line that one program has for itself, or the kernel refuses.
+    pub fn open(name: &str) -> Result<Self, OpenError> {
+        let line = match simulated(name)? {
+            Some(bus) => Line::Simulated(bus),
+            None => {
+                look_up(name)?;
+                let refused = |error| OpenError::Refused(name.to_string(), error);
+                Line::Kernel(CanFdSocket::open(name).map_err(refused)?)
+            }
+        };
+        Ok(Self { name: name.to_string(), line })
+    }
+
+    /// Sends the frame of a record, whatever interface it came from.
+    ///
+    /// # Errors
+    /// The interface does not take it; the error says what that means.
+    pub fn send(&mut self, record: &Record) -> io::Result<()> {
+        let name = &self.name;
+        let socket = match &mut self.line {
+            Line::Kernel(socket) => socket,
+            Line::Simulated(bus) => {
+                let frame = record.frame().ok_or_else(|| {
+                    io::Error::other(format!("`{name}` is simulated, and takes data frames alone"))
+                })?;
+                return match bus.send(&[frame]) {
+                    0 => Err(io::Error::other(format!(
+                        "`{name}` did not take it: it is {}",
+                        bus.condition().name()
+                    ))),
+                    _ => Ok(()),
+                };
+            }
+        };
+        socket.write_frame(&record.0.frame).map_err(|error| {
+            let why = match error.raw_os_error() {
+                Some(libc::ENOBUFS) => format!(
+                    "the queue of `{name}` is full: nobody acknowledges (power, bitrate, termination?), or it is sent too fast"
+                ),
+                Some(libc::ENETDOWN) => format!("`{name}` went down: `sudo ip link set {name} up`"),
+                Some(libc::EINVAL) => format!("`{name}` does not take this frame: CAN FD on a classic interface?"),
+                _ => format!("`{name}`: {error}"),
+            };
+            io::Error::new(error.kind(), why)
+        })
+    }
+}

@@ -1,0 +1,25 @@
+//! An adapter that is killed, and hangs, again and again in one run.
+
+use serde_json::Value;
+
+use super::{drives, number, row};
+
+/// Times that the adapter is killed, and hung, in one run.
+pub(crate) fn kills() -> u64 {
+    std::env::var("MOTORIUM_CAN_KILLS").map_or(3, |kills| kills.parse().expect("a number of kills"))
+}
+
+#[test]
+fn each_time_the_adapter_is_killed_or_hangs_every_drive_lets_go_and_follows_again_once_it_is_back() {
+    for name in ["adapter_kill_often", "adapter_stop_often"] {
+        let Some(row) = row(name) else { return };
+        let results = row.results();
+        let trips = |drive: &Value| number(&drive["watchdog_trips"]);
+        // and once more when the run ends while the drives still look at the bus
+        let acted = drives(&results, |drive| (kills()..=kills() + 1).contains(&trips(drive)));
+        assert_eq!(acted, 8, "{name}: {results}");
+        let adapter = &results["adapter"];
+        assert_eq!(adapter["tripped"], false, "{name}: {adapter}");
+        assert!(adapter["enabled_in_cycle"].is_u64(), "{name}: {adapter}");
+    }
+}

@@ -1,0 +1,119 @@
+//! `motorium can` on a simulated bus that another program offers, here this one.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use motorium_can::bus::offered::{Offer, Place};
+use motorium_can::{ErrorState, Frame, Id, Rates, Received, Report};
+use serde_json::Value;
+
+use crate::program::{complaint, motorium, printed};
+
+const RATES: Rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
+
+/// Offers a bus while `look` looks at it: each millisecond a frame of the drive 0x123, and each that others send comes back with the
+/// next identifier. It ends with the result of `look`.
+fn offered<T>(name: &str, look: impl FnOnce(&str) -> T) -> T {
+    let name = format!("command-{name}-{}", std::process::id());
+    let mut offer = Offer::open(Place::Socket(&name), RATES, true, false).expect("a place");
+    let is_over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut inbox = [Received::default(); 16];
+            for step in 0_u16.. {
+                if is_over.load(Ordering::Relaxed) {
+                    return;
+                }
+                let count = offer.receive(&mut inbox);
+                for received in &inbox[..count] {
+                    let Id::Standard(id) = received.frame.id else { continue };
+                    let answer = Frame::new(Id::Standard(id + 1), received.frame.form, received.frame.data());
+                    offer.deliver(&Received { frame: answer.expect("a frame"), ..*received });
+                }
+                let frame = Frame::classic(Id::Standard(0x123), &step.to_le_bytes());
+                offer.deliver(&Received { frame, time_ns: 0 });
+                if step == 100 {
+                    let passive = Report {
+                        state: Some(ErrorState::Passive),
+                        counters: Some([136, 0]),
+                        ..Report::default()
+                    };
+                    offer.report(&passive, 0);
+                }
+                offer.flush();
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        });
+        let result = look(&format!("unix:{name}"));
+        is_over.store(true, Ordering::Relaxed);
+        result
+    })
+}
+
+#[test]
+fn monitor_shows_the_frames_and_the_state_of_a_simulated_bus() {
+    let text = offered("monitor", |bus| {
+        printed(&[
+            "can",
+            "monitor",
+            bus,
+            "--bitrate",
+            "1000000",
+            "--interval",
+            "500ms",
+            "--for",
+            "2s",
+            "--json",
+        ])
+    });
+    let tables: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let last = &tables.last().expect("a table")[0];
+    assert!(
+        last["interface"].as_str().is_some_and(|name| name.starts_with("unix:command-monitor")),
+        "{last}"
+    );
+    assert_eq!(last["ids"][0]["id"], "0x123", "{last}");
+    assert!(last["ids"][0]["frames"].as_u64().is_some_and(|frames| frames > 10), "{last}");
+    assert!(last["load"].as_f64().is_some(), "{last}");
+    // it may have begun before the report, or after
+    if last["errors"] != 0 {
+        assert_eq!(last["counters"], serde_json::json!([136, 0]), "{last}");
+    }
+}
+
+#[test]
+fn log_and_send_use_a_simulated_bus_as_an_interface_of_the_kernel() {
+    let text = offered("log", |bus| {
+        let log =
+            motorium(&["can", "log", bus, "--for", "20s", "--count", "400"]).spawn().expect("it starts");
+        // until the log has begun, however long that takes
+        let sent =
+            printed(&["can", "send", bus, "200#0102", "00000300##1AA", "--every", "20ms", "--count", "20"]);
+        assert_eq!(sent, "");
+        let output = log.wait_with_output().expect("it ends");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).expect("text")
+    });
+    let frames = |text: &str, end: &str| text.lines().filter(|line| line.ends_with(end)).count();
+    assert!(text.lines().all(|line| line.contains(" unix:command-log")), "{text}");
+    assert!(text.lines().filter(|line| line.contains(" 123#")).count() > 100, "{text}");
+    // what another program sends, and what answers it
+    assert!(frames(&text, " 200#0102") > 0 && frames(&text, " 201#0102") > 0, "{text}");
+    assert!(frames(&text, " 00000300##5AA") > 0, "{text}");
+}
+
+#[test]
+fn a_bus_that_nobody_offers_or_that_is_not_shared_is_named_with_the_next_step() {
+    for (arguments, words) in [
+        (
+            &["can", "monitor", "unix:nobody-offers-it"][..],
+            "no program offers the simulated bus `unix:nobody-offers-it`",
+        ),
+        (&["can", "log", "unix:nobody-offers-it"], "start the graph whose `can.drive_sim` has this bus"),
+        (&["can", "monitor", "pty:/tmp/can0"], "`motorium can attach /tmp/can0`"),
+        (&["can", "send", "/dev/ttyACM0", "001#00"], "a serial line, which one program has for itself"),
+    ] {
+        let text = complaint(arguments);
+        assert!(text.contains(words), "{arguments:?}: {text}");
+    }
+}
