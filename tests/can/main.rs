@@ -1,6 +1,6 @@
-//! CAN on a real kernel: an arm under control over SocketCAN, in a virtual machine, with every fault that a bus can have.
+//! CAN on a real kernel: an arm under control over SocketCAN, in virtual machines, with every fault that a bus can have.
 //!
-//! The machine is started once (`vm.sh`), runs all rows one after the other (`rows.sh`), and its reports are looked at here. Its
+//! Two machines are started once (`vm.sh`), run all rows (`rows.sh`), and their reports are looked at here. Their
 //! time is virtual: all that is asserted are counts and states. Where there is no machine to be had, such as without
 //! the network, each test says that it was not run.
 
@@ -35,15 +35,24 @@ impl Row {
     }
 }
 
-/// Results of the one run of the virtual machine: its rows, and its end.
+/// Results of a run of virtual machines: their rows, and the end of the first that failed.
 struct Machine {
     rows: BTreeMap<String, Row>,
     end: Result<(), String>,
 }
 
-/// The virtual machine after its one run, whichever rows failed in it; `None` where it cannot be started.
+/// Rows of two virtual machines after their one run, whichever rows failed in them; `None` where they cannot be started. They
+/// run side by side: each keeps one core of the host busy.
 fn machine() -> Option<&'static Machine> {
     static MACHINE: OnceLock<Option<Machine>> = OnceLock::new();
+    let run = || {
+        std::thread::scope(|scope| {
+            let serial = scope.spawn(|| run("serial"));
+            let (socket, serial) = (run("socket")?, serial.join().expect("it runs to its end")?);
+            let rows = socket.rows.into_iter().chain(serial.rows).collect();
+            Some(Machine { rows, end: socket.end.and(serial.end) })
+        })
+    };
     MACHINE.get_or_init(run).as_ref()
 }
 
@@ -58,8 +67,8 @@ fn row(name: &str) -> Option<&'static Row> {
     Some(rows.get(name).unwrap_or_else(missing))
 }
 
-/// Runs all rows in the machine.
-fn run() -> Option<Machine> {
+/// Runs those rows in a machine.
+fn run(rows: &str) -> Option<Machine> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let scratch = tempfile::tempdir().expect("a folder");
     let graphs = scratch.path().join("graphs");
@@ -72,6 +81,7 @@ fn run() -> Option<Machine> {
     std::fs::write(graphs.join("seconds"), seconds).expect("a file");
     // more deaths of the adapter: `MOTORIUM_CAN_KILLS=100 cargo only can often`
     std::fs::write(graphs.join("kills"), often::kills().to_string()).expect("a file");
+    std::fs::write(graphs.join("rows"), rows).expect("a file");
     let put = |from: &Path, to: &str| format!("{}:{to}", from.display());
     let output = Command::new("bash")
         .arg(here.join("can/vm.sh"))
@@ -88,7 +98,7 @@ fn run() -> Option<Machine> {
     }
     let text = String::from_utf8_lossy(&output.stdout);
     if let Some(folder) = std::env::var_os("MOTORIUM_VM_KEEP") {
-        std::fs::write(Path::new(&folder).join("rows.txt"), text.as_bytes()).expect("a file");
+        std::fs::write(Path::new(&folder).join(format!("{rows}.txt")), text.as_bytes()).expect("a file");
     }
     let mut rows = BTreeMap::new();
     for part in text.split("=== ").skip(1) {
