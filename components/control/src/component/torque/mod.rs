@@ -121,7 +121,7 @@ impl TorqueController {
             reference_velocity: vec![0.0; model.joint_count()],
             torque: vec![0.0; model.joint_count()],
             gains,
-            impedance: table.impedance,
+            impedance: table.impedance(),
             stiff_start: table.stiff_start.as_secs_f64(),
             began_for: 0.0,
             policy: table.on_infeasible,
