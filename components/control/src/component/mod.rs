@@ -21,7 +21,10 @@ pub use centre_of_mass_limit::CentreOfMassLimitConfig;
 pub use collision_limits::{AllObjects, CollisionConfig, LevelGround, OfWorld, WorldObjects};
 pub use config::{Feedback, LevelConfig, LimitsConfig, QpControllerConfig};
 pub use frame_limits::FrameLimitConfig;
-pub use mpc::{GaitConfig, HorizonConfig, MpcConfig, MpcPlanner, WeightsConfig};
+pub use mpc::{
+    FittedConfig, GaitConfig, GroundConfig, HorizonConfig, LandingConfig, MpcConfig, MpcPlanner,
+    WeightsConfig,
+};
 pub use multirotor::{MultirotorConfig, MultirotorController};
 pub use support_limits::{SupportConfig, SupportedPoint};
 pub use tasks::*;

@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Rotation2, Vector2, Vector3};
+use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
+
+use super::GroundPlane;
 
 /// A velocity in the plane, in the axes of a heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -33,14 +35,20 @@ pub struct Reference {
     heading: f64,
     velocity: PlanarVelocity,
     height: f64,
-    ground: f64,
+    ground: GroundPlane,
 }
 
 impl Reference {
     /// At rest at the origin, at this height above the ground \[m\].
     pub fn new(height: f64) -> Self {
         let place = Vector2::zeros();
-        Self { place, heading: 0.0, velocity: PlanarVelocity::default(), height, ground: 0.0 }
+        Self {
+            place,
+            heading: 0.0,
+            velocity: PlanarVelocity::default(),
+            height,
+            ground: GroundPlane::default(),
+        }
     }
 
     /// Begins at rest below `centre` with this heading \[rad\].
@@ -49,8 +57,8 @@ impl Reference {
         self.velocity = PlanarVelocity::default();
     }
 
-    /// Sets the height of the ground \[m\].
-    pub fn set_ground(&mut self, ground: f64) {
+    /// Sets the ground.
+    pub fn set_ground(&mut self, ground: GroundPlane) {
         self.ground = ground;
     }
 
@@ -97,9 +105,10 @@ impl Reference {
         let place = self.place + Rotation2::new(self.heading) * way * time;
         let heading = self.heading + turn;
         let velocity = Rotation2::new(heading) * linear;
+        let climb = self.ground.slope().dot(&velocity);
         (
-            Vector3::new(place.x, place.y, self.ground + self.height),
-            Vector3::new(velocity.x, velocity.y, 0.0),
+            Vector3::new(place.x, place.y, self.ground.height(&place) + self.height),
+            Vector3::new(velocity.x, velocity.y, climb),
             heading,
         )
     }
@@ -109,9 +118,20 @@ impl Reference {
         self.heading
     }
 
-    /// Height of the centre of mass above the ground, and of the ground \[m\].
-    pub fn heights(&self) -> (f64, f64) {
-        (self.height, self.ground)
+    /// Orientation of a base that is parallel to the ground after `time` seconds.
+    pub fn orientation(&self, time: f64) -> Rotation3<f64> {
+        let heading = Rotation3::from_axis_angle(&Vector3::z_axis(), self.after(time).2);
+        self.ground.tilt() * heading
+    }
+
+    /// Height of the centre of mass above the ground \[m\].
+    pub fn height(&self) -> f64 {
+        self.height
+    }
+
+    /// The ground.
+    pub fn ground(&self) -> &GroundPlane {
+        &self.ground
     }
 
     /// The present velocity.

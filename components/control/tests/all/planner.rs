@@ -4,7 +4,8 @@ use std::path::Path;
 
 use motorium_control::inverse_dynamics::MotionState;
 use motorium_control::mpc::{
-    Gait, LegPlanner, MpcSettings, PlanarVelocity, PlannedFoot, PlannerSettings, Stepping,
+    Gait, GroundModel, Landing, LegPlanner, MpcSettings, PlanarVelocity, PlannedFoot, PlannerSettings,
+    Stepping,
 };
 use motorium_robots::{Kinematics, Loaded, load};
 use nalgebra::{Rotation3, UnitQuaternion, Vector2, Vector3};
@@ -45,6 +46,8 @@ fn planner(robot: &Loaded, rest: &[f64], step: f64) -> LegPlanner {
         clearance: 0.05,
         max_capture: 0.1,
         ramp: 0.02,
+        ground: GroundModel::Level,
+        landing: Landing::default(),
     };
     LegPlanner::new(&robot.model, feet.to_vec(), stepping, settings, rest)
 }

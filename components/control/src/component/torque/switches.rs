@@ -2,12 +2,16 @@
 
 use motorium::prelude::*;
 use motorium::state::{ContactSchedule, MAX_FEET};
+use nalgebra::Vector3;
 
 use crate::component::setup::ControllerSetup;
 use crate::inverse_dynamics::{Contact, InverseDynamics};
 
 /// Normal force at each point of a contact up to which it is loaded, as a multiple of the robot's weight.
 const LOADED: f64 = 2.0;
+
+/// Length of a normal below which it counts as none.
+const LEAST_NORMAL: f64 = 1e-6;
 
 /// Name of the input of the schedule.
 const INPUT: &str = "contact_schedule";
@@ -80,6 +84,8 @@ impl ContactSwitches {
             .filter(|schedule| schedule.age_ns() <= timeout_ns && schedule.count() == self.feet);
         self.without_schedule += u64::from(wired && fresh.is_none());
         let planned = fresh.as_ref().map(|schedule| schedule.load());
+        let normal = fresh.as_ref().map(|schedule| Vector3::from(schedule.ground_normal));
+        let normal = normal.and_then(|normal| normal.try_normalize(LEAST_NORMAL)).unwrap_or(Vector3::z());
         for (index, switch) in self.switches.iter_mut().enumerate() {
             switch.load += (switch.parameter.get() - switch.load).clamp(-step, step);
             switch.share = match planned.zip(switch.foot) {
@@ -88,6 +94,9 @@ impl ContactSwitches {
             };
             let load = switch.load * switch.share;
             control.set_active(index, load > 0.0);
+            if wired && switch.foot.is_some() {
+                control.set_normal(index, normal);
+            }
             let full = load >= 1.0;
             control.set_max_force(index, if full { switch.max_force } else { load * switch.ramped });
         }
