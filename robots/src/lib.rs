@@ -46,6 +46,7 @@ mod file;
 mod geometry;
 mod installed;
 mod inverse_kinematics;
+mod joint_subset;
 mod kinematics;
 pub mod lie;
 mod lines;
@@ -86,7 +87,9 @@ pub use geometry::{
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics, TaskRows};
-pub use load::{BaseMode, LoadError, LoadOptions, Loaded, ProfileChoice, ShapeSource, load, load_with};
+pub use load::{
+    BaseMode, FileFormat, LoadError, LoadOptions, Loaded, ProfileChoice, ShapeSource, load, load_with,
+};
 pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
 pub use model::{
     AttachError, Base, Body, BodyFactors, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint,

@@ -80,6 +80,18 @@ pub struct LoadOptions {
     pub profile: ProfileChoice,
     /// The shapes that the model gets.
     pub shapes: ShapeSource,
+    /// The format that its file must have.
+    pub format: FileFormat,
+}
+
+/// Format of a robot's file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FileFormat {
+    /// URDF, or MJCF when the root element is `<mujoco>`; a folder that has both means its URDF.
+    #[default]
+    Any,
+    /// MJCF. No robot of the catalogue is in it.
+    Mjcf,
 }
 
 /// The shapes of a file that become those of its [`Model`].
@@ -131,6 +143,9 @@ pub enum LoadError {
         /// The files in it.
         names: Vec<String>,
     },
+    /// A robot that was to be in an MJCF file and is not.
+    #[error("{} is no MJCF file: its root element is not <mujoco>; name it by `urdf`", .0.display())]
+    NotMjcf(PathBuf),
     /// A file that cannot be read.
     #[error("cannot read {}: {source}", .path.display())]
     Read {
@@ -192,7 +207,8 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     options.packages.folders.extend(environment.folders);
     options.packages.prefixes.extend(environment.prefixes);
 
-    if let Some(entry) = catalogue().iter().find(|entry| entry.name == reference) {
+    let entry = catalogue().iter().find(|entry| entry.name == reference);
+    if let Some(entry) = entry.filter(|_| options.format == FileFormat::Any) {
         let profile = match &options.profile {
             ProfileChoice::Own => Some((entry.profile.clone(), PathBuf::from(format!("{reference}.toml")))),
             chosen => profile_of(chosen, Path::new(""))?,
@@ -204,7 +220,10 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
             Loaded { model, warnings, profile: None, postures, exclusions, entry: Some(entry), path: None };
         return profiled(loaded, profile, &options);
     }
-    let path = file(reference, base)?;
+    let path = match (file(reference, base, options.format), entry) {
+        (Err(LoadError::NotFound { .. }), Some(_)) => return Err(LoadError::NotMjcf(reference.into())),
+        (found, _) => found?,
+    };
     let profile = profile_of(&options.profile, &path.with_extension("toml"))?;
     let options = based(options, profile.as_ref());
     let Parsed { model, warnings, exclusions, profile: own } = parse(&read(&path)?, &path, &options)?;
@@ -250,6 +269,9 @@ struct Parsed {
 
 /// A file's text in its format: MJCF when the root element says so.
 fn parse(text: &str, path: &Path, options: &LoadOptions) -> Result<Parsed, LoadError> {
+    if !is_mjcf(text) && options.format == FileFormat::Mjcf {
+        return Err(LoadError::NotMjcf(path.to_owned()));
+    }
     if is_mjcf(text) {
         let MjcfRobot { model, warnings, exclusions, profile } = parse_mjcf(text, Some(path), options)?;
         return Ok(Parsed { model, warnings, exclusions, profile });
@@ -287,10 +309,10 @@ fn based(options: LoadOptions, profile: Option<&(Profile, PathBuf)>) -> LoadOpti
 }
 
 /// The file that `reference` means.
-fn file(reference: &str, base: &Path) -> Result<PathBuf, LoadError> {
+fn file(reference: &str, base: &Path, format: FileFormat) -> Result<PathBuf, LoadError> {
     let path = base.join(reference);
     if path.exists() {
-        return if path.is_dir() { robot_in(&path) } else { Ok(path) };
+        return if path.is_dir() { robot_in(&path, format) } else { Ok(path) };
     }
     let installed = installed();
     if let Some(robot) = find(&installed, reference) {
@@ -317,10 +339,12 @@ fn read(path: &Path) -> Result<String, LoadError> {
 
 /// The robot of a folder: its only URDF, the one named like the folder, or that of its `urdf` folder; else an MJCF
 /// file, likewise.
-fn robot_in(folder: &Path) -> Result<PathBuf, LoadError> {
-    for (place, extension) in
-        [(folder.to_owned(), "urdf"), (folder.join("urdf"), "urdf"), (folder.to_owned(), "xml")]
-    {
+fn robot_in(folder: &Path, format: FileFormat) -> Result<PathBuf, LoadError> {
+    let places = [(folder.to_owned(), "urdf"), (folder.join("urdf"), "urdf"), (folder.to_owned(), "xml")];
+    for (place, extension) in places {
+        if format == FileFormat::Mjcf && extension == "urdf" {
+            continue;
+        }
         let Ok(entries) = std::fs::read_dir(&place) else { continue };
         let mut found: Vec<_> = entries
             .filter_map(|entry| Some(entry.ok()?.path()))

@@ -16,6 +16,7 @@ mod floating;
 mod golden;
 mod height_pictures;
 mod inverse_kinematics;
+mod joint_subsets;
 mod lie_groups;
 mod loading;
 mod manipulability;

@@ -283,8 +283,10 @@ choices! {
     Schedule: Fifo, Deadline, Normal;
 }
 
-/// A number of an array.
-struct Number(f64);
+/// A number of an array or a table.
+#[derive(Debug, Clone, Copy, schemars::JsonSchema)]
+#[schemars(inline)]
+pub(super) struct Number(pub f64);
 
 impl<'i> Read<'i> for Number {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
