@@ -43,6 +43,7 @@ mod configuration;
 mod dynamics;
 mod end_effector;
 mod file;
+mod format;
 mod geometry;
 mod installed;
 mod inverse_kinematics;
@@ -79,6 +80,7 @@ pub use dynamics::{
     PARAMETERS, SingularMassMatrix, Wrench,
 };
 pub use end_effector::EndEffectorError;
+pub use format::FileFormat;
 pub use geometry::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshError,
     MeshMode, MeshProblem, Proximity, Ray, RayHit, RayScene, RayShape, SolidKind, SolidProblem, TriangleMesh,
@@ -87,9 +89,7 @@ pub use geometry::{
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics, TaskRows};
-pub use load::{
-    BaseMode, FileFormat, LoadError, LoadOptions, Loaded, ProfileChoice, ShapeSource, load, load_with,
-};
+pub use load::{BaseMode, LoadError, LoadOptions, Loaded, ProfileChoice, ShapeSource, load, load_with};
 pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
 pub use model::{
     AttachError, Base, Body, BodyFactors, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint,

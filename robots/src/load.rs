@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::file::read_bounded;
+use crate::format::{FileFormat, is_mjcf};
 use crate::installed::{find, installed};
 use crate::nearest::{nearest, suggestion};
 use crate::{
@@ -82,16 +83,6 @@ pub struct LoadOptions {
     pub shapes: ShapeSource,
     /// The format that its file must have.
     pub format: FileFormat,
-}
-
-/// Format of a robot's file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum FileFormat {
-    /// URDF, or MJCF when the root element is `<mujoco>`; a folder that has both means its URDF.
-    #[default]
-    Any,
-    /// MJCF. No robot of the catalogue is in it.
-    Mjcf,
 }
 
 /// The shapes of a file that become those of its [`Model`].
@@ -280,26 +271,6 @@ fn parse(text: &str, path: &Path, options: &LoadOptions) -> Result<Parsed, LoadE
     Ok(Parsed { model, warnings, exclusions: Srdf::default(), profile: None })
 }
 
-/// True where the first element of an XML text is `<mujoco>`: declarations and comments before it do not count.
-fn is_mjcf(text: &str) -> bool {
-    let mut rest = text;
-    while let Some(start) = rest.find('<') {
-        rest = &rest[start + 1..];
-        let end = match rest.strip_prefix("!--") {
-            Some(comment) => comment.find("-->").map(|end| end + 6),
-            None if rest.starts_with(['?', '!']) => rest.find('>').map(|end| end + 1),
-            None => {
-                return rest
-                    .strip_prefix("mujoco")
-                    .is_some_and(|rest| !rest.starts_with(char::is_alphanumeric));
-            }
-        };
-        let Some(end) = end else { return false };
-        rest = &rest[end..];
-    }
-    false
-}
-
 /// The options with the base the profile wants, unless they want one themselves.
 fn based(options: LoadOptions, profile: Option<&(Profile, PathBuf)>) -> LoadOptions {
     match (options.base, profile.map(|(profile, _)| profile.base)) {
@@ -388,24 +359,5 @@ fn profile_of(choice: &ProfileChoice, beside: &Path) -> Result<Option<(Profile, 
     match profile {
         Ok(profile) => Ok(Some((profile, path))),
         Err(source) => Err(LoadError::Profile { path, source }),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_root_element_tells_the_format() {
-        for text in
-            ["<mujoco/>", "<?xml version=\"1.0\"?>\n<!-- <robot> -->\n<mujoco model=\"a\">", "<mujoco>"]
-        {
-            assert!(is_mjcf(text), "{text}");
-        }
-        for text in
-            ["<robot name=\"mujoco\"/>", "<!-- <mujoco> --><robot/>", "<mujocoinclude/>", "", "<!-- <mujoco>"]
-        {
-            assert!(!is_mjcf(text), "{text}");
-        }
     }
 }

@@ -144,6 +144,9 @@ fn planners_that_cannot_work_are_refused_by_their_key() {
     refused(with("{ gravity = [1.0, 0.0, -9.81] }"), &["gravity", "along -z"]);
     refused(with("{ velocity = [0.5, 0.0, 0.0] }"), &["velocity", "without a gait"]);
     refused(with("{ weights = { turn = [1.0, -1.0, 1.0] } }"), &["weights.turn"]);
+    refused(with("{ ground = { normal = [1.0, 0.0, 0.1] } }"), &["ground.normal", "points up"]);
+    refused(with("{ ground = \"hilly\" }"), &["ground"]);
+    refused(with("{ landing = { early_from = 2.0 } }"), &["landing.early_from"]);
     let gait = |rest: &str| with(&format!("{{ gait = {{ period = \"0.4 s\", {rest} }} }}"));
     refused(gait("offsets = { front_left = 0.0 }"), &["gait.offsets", "`front_right` has no offset"]);
     refused(gait("offsets = { left = 0.0 }"), &["gait.offsets", "no foot `left`", "it has front_left"]);
