@@ -54,7 +54,7 @@ impl<'i> Read<'i> for RobotTable {
 impl RobotTable {
     /// The settings in place of a profile, for the loader of robots; `None` if there are none.
     pub(in crate::graph) fn settings(&self) -> Option<Json> {
-        let mjcf = self.mjcf.is_some().then(|| ("mjcf", json!(true)));
+        let mjcf = self.mjcf.is_some().then_some(("mjcf", Json::Bool(true)));
         let names = |names: &Vec<At<String>>| names.iter().filter_map(At::get).cloned().collect::<Vec<_>>();
         let joints = good(&self.joints).map(|joints| ("joints", json!(names(joints))));
         let position = |(name, at): &(String, At<Number>)| Some((name.clone(), json!(at.get()?.0)));
