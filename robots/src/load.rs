@@ -259,7 +259,7 @@ fn parse(text: &str, path: &Path, options: &LoadOptions) -> Result<Parsed, LoadE
 }
 
 /// True where the first element of an XML text is `<mujoco>`: declarations and comments before it do not count.
-fn is_mjcf(text: &str) -> bool {
+pub(crate) fn is_mjcf(text: &str) -> bool {
     let mut rest = text;
     while let Some(start) = rest.find('<') {
         rest = &rest[start + 1..];

@@ -35,7 +35,7 @@ pub use batch::Batch;
 pub use build::{BuildError, BuildWarning};
 pub use command::JointCommand;
 pub use component::{
-    ActuatorConfig, ArticulatedPhysics, Interval, MujocoPhysics, ObjectIntervals, PhysicsComponent,
+    ActuatorConfig, ActuatorIntervals, ArticulatedPhysics, Interval, MujocoPhysics, ObjectIntervals, PhysicsComponent,
     PhysicsConfig, PhysicsEngine, PlaceIntervals, PushConfig, RandomiseConfig, RapierPhysics, RobotIntervals,
     SpringConfig, SurfaceConfig, SurfaceIntervals, TerrainIntervals, kinds,
 };

@@ -7,7 +7,7 @@ use std::path::Path;
 use motorium::declare::{ConfigError, RobotReference};
 use motorium::state::MAX_JOINTS;
 use motorium::telemetry::set_apart;
-use motorium_robots::{BasePose, LoadOptions, Loaded, RobotSource};
+use motorium_robots::{BasePose, LoadOptions, Loaded, ModelWarning, RobotSource};
 use nalgebra::Translation3;
 
 use super::actuators;
@@ -21,6 +21,8 @@ pub(super) struct Built<E> {
     pub(super) robots: Vec<BuiltRobot>,
     /// Articulations whose floating base starts on the ground, wherever that is.
     pub(super) on_ground: Vec<usize>,
+    /// What the file of the world holds and no world does.
+    pub(super) left_out: Vec<ModelWarning>,
 }
 
 /// One robot of a simulation.
@@ -54,13 +56,15 @@ pub(super) fn build<E: PhysicsEngine>(
     folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     let mut config = config.clone();
-    config.world.locate(folder);
-    match (robot, robots) {
+    let located = config.world.locate(folder);
+    let left_out = located.map_err(|error| ConfigError::key("world", error.to_string()))?;
+    let built = match (robot, robots) {
         (Some(robot), _) => one(&config, robot, folder),
         (None, []) => Err(ConfigError::new("it simulates a robot, but the component names none")
             .advise("add `robot = \"NAME\"`, or `robots = [\"ONE\", \"OTHER\"]`")),
         (None, robots) => several(&config, robots, folder),
-    }
+    };
+    Ok(Built { left_out, ..built? })
 }
 
 pub(super) fn load(
@@ -115,7 +119,7 @@ fn one<E: PhysicsEngine>(
     E::prepare(&mut simulation, &on_ground);
     config.connect(&mut simulation)?;
     let robot = BuiltRobot { name: None, loaded, articulation: 0, drives: 0..drives };
-    Ok(Built { simulation, robots: vec![robot], on_ground })
+    Ok(Built { simulation, robots: vec![robot], on_ground, left_out: Vec::new() })
 }
 
 /// Several robots. Each that moves freely is an articulation, and those with fixed bases are one together: their trees
@@ -175,7 +179,8 @@ fn several<E: PhysicsEngine>(
         articulation,
         drives,
     });
-    Ok(Built { simulation, robots: built.collect(), on_ground: anywhere })
+    let (robots, left_out) = (built.collect(), Vec::new());
+    Ok(Built { simulation, robots, on_ground: anywhere, left_out })
 }
 
 /// Gives each articulation the actuators of its joints.
