@@ -127,8 +127,8 @@ fn a_world_of_mjcf_has_its_gravity_ground_fixed_geoms_and_free_bodies() {
 #[test]
 fn what_a_world_does_not_hold_is_refused_with_line_and_column() {
     for (old, new, expected) in [
-        ("<freejoint/>", "<joint/>", "12:40: a body on a joint is part of a robot"),
-        ("<light pos=\"0 0 3\"/>", "<geom type=\"hfield\" hfield=\"h\"/>", "7:5: type=\"hfield\""),
+        ("<freejoint/>", "<joint/>", "12:34: a body on a joint is part of a robot"),
+        ("<light pos=\"0 0 3\"/>", "<geom type=\"hfield\" hfield=\"h\"/>", "6:5: type=\"hfield\""),
         (
             "density=\"500\" friction=\"0.5\"/>",
             "/><geom size=\"0.1\"/>",

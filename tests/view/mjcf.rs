@@ -81,7 +81,8 @@ fn a_robot_of_mjcf_is_described_as_urdf_and_its_meshes_are_sent() {
     let text = client.next_json("/robot_description");
     let urdf = text["data"].as_str().unwrap();
     assert!(urdf.contains("<robot name=\"crane\">") && urdf.contains("<joint name=\"hoist\""), "{urdf}");
-    let names: Vec<&str> = urdf.split("filename=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    let names: Vec<&str> =
+        urdf.split("filename=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
     assert_eq!(names.len(), 3, "the capsule, the mesh of the file, and the one beside it: {names:?}");
     for name in names {
         let mesh = client.fetch(name).unwrap_or_else(|error| panic!("{name}: {error}"));

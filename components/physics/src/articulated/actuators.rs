@@ -2,7 +2,9 @@
 
 use core::ops::Range;
 
-use motorium_robots::{Actuator, ActuatorError, ActuatorNetwork, ActuatorSettings, Delay, DriveCommand, Motor};
+use motorium_robots::{
+    Actuator, ActuatorError, ActuatorNetwork, ActuatorSettings, Delay, DriveCommand, Motor,
+};
 
 use super::integrator::JointSpaceIntegrator;
 use crate::command::BRAKING_BAND;

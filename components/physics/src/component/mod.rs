@@ -27,8 +27,8 @@ pub use pushes::PushConfig;
 use pushes::Pushes;
 use randomise::Randomiser;
 pub use randomise::{
-    ActuatorIntervals, Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals, SurfaceIntervals,
-    TerrainIntervals,
+    ActuatorIntervals, Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals,
+    SurfaceIntervals, TerrainIntervals,
 };
 use robots::{Actuated, SafeStates, position};
 use truth::Truth;
@@ -91,9 +91,9 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         // Everything that could be refused later is refused now.
         let built = build::<E>(config, declare.robot(), declare.robots(), declare.folder())?;
         randomise::declare(&config.randomise, &built, declare)?;
-        let Built { simulation, robots, left_out, .. } = built;
-        for warning in &left_out {
-            declare.warn(format!("world: {warning}"));
+        let Built { simulation, robots, doubts, .. } = built;
+        for doubt in doubts {
+            declare.warn(doubt);
         }
         Pushes::new(&config.pushes, simulation.articulations())?;
         // Links that are always close are how the robot is built: nothing that its user could mend.

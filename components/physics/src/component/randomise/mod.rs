@@ -16,8 +16,8 @@ use rand_pcg::Pcg64;
 use serde_json::{Map, Value, json};
 
 pub use config::{
-    ActuatorIntervals, Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals, SurfaceIntervals,
-    TerrainIntervals,
+    ActuatorIntervals, Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals,
+    SurfaceIntervals, TerrainIntervals,
 };
 use quantity::{Quantity, quantities};
 use varied::{Scene, Share, shares};
@@ -172,12 +172,7 @@ impl Randomiser {
     }
 
     /// Keeps a draw, and hands its factors to the drives.
-    fn note<E: PhysicsEngine>(
-        &mut self,
-        simulation: &Simulation<E>,
-        draw: Draw,
-        factors: &[Vec<[f64; 2]>],
-    ) {
+    fn note<E: PhysicsEngine>(&mut self, simulation: &Simulation<E>, draw: Draw, factors: &[Vec<[f64; 2]>]) {
         for (own, factors) in simulation.articulations().iter().zip(factors) {
             // Rotors come after joints, and have none.
             let first = own.drives().start;
@@ -286,7 +281,13 @@ mod tests {
     fn draws_are_evenly_distributed_over_seeds_and_over_parts() {
         for by_seed in [true, false] {
             let draws: Vec<f64> = (0..4000_u64)
-                .map(|k| if by_seed { share((k, 0), &path("arm")) } else { share((1, 0), &path(&format!("link{k}"))) })
+                .map(|k| {
+                    if by_seed {
+                        share((k, 0), &path("arm"))
+                    } else {
+                        share((1, 0), &path(&format!("link{k}")))
+                    }
+                })
                 .collect();
             let mean = draws.iter().sum::<f64>() / 4000.0;
             let variance = draws.iter().map(|draw| (draw - mean).powi(2)).sum::<f64>() / 4000.0;

@@ -26,7 +26,8 @@ impl Quantity {
     /// True for what may change within an episode: no start, no object, no terrain.
     pub(super) fn changes(&self) -> bool {
         let once = Message::START..=Message::OBJECT_YAW;
-        !once.contains(&self.property) && ![Message::TERRAIN_SEED, Message::TERRAIN_SCALE].contains(&self.property)
+        !once.contains(&self.property)
+            && ![Message::TERRAIN_SEED, Message::TERRAIN_SCALE].contains(&self.property)
     }
 
     /// Its value at a share from 0 to 1 of its range.
