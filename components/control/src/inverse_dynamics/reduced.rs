@@ -261,8 +261,8 @@ impl ForcesOf {
 }
 
 impl InverseDynamics {
-    /// What the accelerations alone or the forces alone do not decide: with forces alone joints rest and nothing is said of the motion of
-    /// contacts, with accelerations alone torques have no limits.
+    /// Takes out of the problem what a formulation with fewer unknowns does not decide: with forces alone joints rest and contacts have no
+    /// motion of their own, with accelerations alone torques have no limits.
     pub(super) fn leave_out(&mut self) {
         let Self { order, problem, settings, .. } = self;
         match settings.unknowns {

@@ -179,7 +179,8 @@ impl Component for MpcPlanner {
             "swings": swings,
             "early_landings": early,
             "late_landings": late,
-            "ground_slope": [slope.x, slope.y],
+            // a zero is no negative zero
+            "ground_slope": [slope.x + 0.0, slope.y + 0.0],
             "largest_turn_rad": figures.largest_turn,
             "largest_position_error_m": figures.largest_error,
             "iterations": { "mean": mean, "max": figures.most_iterations },
