@@ -27,10 +27,16 @@ impl JointSubset {
         if !moved.contains(&true) {
             return Err(SettingError::new("joints", "no joint is left that moves"));
         }
+        // the key that asks for the pose
+        let asks = match (pose, &self.joints) {
+            (Some(_), _) => "start",
+            (None, Some(_)) => "joints",
+            (None, None) => "fixed",
+        };
         let mut posture: Vec<f64> = match profile {
             Some(profile) => profile
                 .pose(model, pose.unwrap_or(&profile.home))
-                .map_err(|error| SettingError::new(if pose.is_some() { "start" } else { "joints" }, error))?
+                .map_err(|error| SettingError::new(asks, error))?
                 .as_slice()
                 .to_vec(),
             None => {
@@ -65,6 +71,7 @@ impl JointSubset {
         if let Some(profile) = &mut robot.profile {
             profile.keep_joints(&locked);
         }
+        robot.held = held.iter().map(|(name, position)| ((*name).to_owned(), *position)).collect();
         robot.model = locked;
         Ok(())
     }

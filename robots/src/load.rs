@@ -28,6 +28,8 @@ pub struct Loaded {
     pub postures: Vec<Posture>,
     /// Pairs of bodies that an MJCF file excludes from collision.
     pub exclusions: Srdf,
+    /// Joints of the file that the model does not have, because a graph holds them, and their positions \[rad or m\].
+    pub held: Vec<(String, f64)>,
     /// The catalogue entry, when it came from there.
     pub entry: Option<&'static Entry>,
     /// The URDF or MJCF file, when it came from one.
@@ -206,9 +208,9 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
         };
         let options = based(options, profile.as_ref());
         let UrdfRobot { model, warnings } = parse_urdf_with(entry.urdf, None, &options)?;
-        let (postures, exclusions) = (Vec::new(), Srdf::default());
-        let loaded =
-            Loaded { model, warnings, profile: None, postures, exclusions, entry: Some(entry), path: None };
+        let (postures, held, exclusions) = (Vec::new(), Vec::new(), Srdf::default());
+        let (entry, path) = (Some(entry), None);
+        let loaded = Loaded { model, warnings, profile: None, postures, exclusions, held, entry, path };
         return profiled(loaded, profile, &options);
     }
     let path = match (file(reference, base, options.format), entry) {
@@ -222,8 +224,8 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     let own = own.filter(|_| options.profile == ProfileChoice::Own).map(|own| (own, path.clone()));
     let profile = profile.or(own);
     let postures = Posture::beside(&path, &model);
-    let loaded =
-        Loaded { model, warnings, profile: None, postures, exclusions, entry: None, path: Some(path) };
+    let (held, entry, path) = (Vec::new(), None, Some(path));
+    let loaded = Loaded { model, warnings, profile: None, postures, exclusions, held, entry, path };
     profiled(loaded, profile, &options)
 }
 

@@ -65,13 +65,16 @@ impl Settings {
         })
     }
 
-    /// Changes the profile of a robot, or gives it one.
+    /// Holds joints, and changes the profile of a robot, or gives it one where there is something to say in it.
     pub(crate) fn apply(self, robot: &mut Loaded) -> Result<(), SettingError> {
         let pose = match &self.start {
             Some(Start::Pose(name)) => Some(name.as_str()),
             _ => None,
         };
         self.subset.apply(robot, pose)?;
+        if self.frame.is_none() && self.start.is_none() && self.gains.is_none() {
+            return Ok(());
+        }
         let model = &robot.model;
         let mut profile = robot.profile.take().unwrap_or_else(|| without_poses(model));
         if let Some(given) = self.gains {

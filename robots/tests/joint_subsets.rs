@@ -2,7 +2,10 @@
 
 use std::path::Path;
 
-use motorium_robots::{Dynamics, Loaded, RobotSource, RobotSourceError};
+use motorium_robots::{
+    Dynamics, Kinematics, LoadOptions, Loaded, MimicMode, Model, PackagePath, RobotSource, RobotSourceError,
+    parse_urdf,
+};
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
@@ -151,5 +154,109 @@ fn a_robot_that_is_to_be_in_an_mjcf_file_is_and_of_a_folder_with_both_it_is_that
     for text in ["bar.urdf", "panda"] {
         let message = load(text).unwrap_err().to_string();
         assert!(message.contains("is no MJCF file") && message.contains("`urdf`"), "{message}");
+    }
+}
+
+/// The model of what viewers are given.
+fn seen(robot: &Loaded) -> Model {
+    let drawn = robot.drawn().unwrap().unwrap();
+    let read = parse_urdf(&drawn.text, None, MimicMode::Follow, &PackagePath::default());
+    read.unwrap_or_else(|error| panic!("{error}\n{}", drawn.text)).model
+}
+
+/// The largest distance, m and rad, between frames of two models at the same joint positions, from the root of each.
+fn apart(one: &Model, other: &Model) -> f64 {
+    assert_eq!(one.joint_names(), other.joint_names());
+    let poses = |model: &Model| {
+        let mut kinematics = Kinematics::new(model);
+        let mut q = model.neutral();
+        let first = q.len() - model.joint_count();
+        q[first..].iter_mut().enumerate().for_each(|(joint, q)| *q = 0.1 + 0.05 * joint as f64);
+        kinematics.update(model, &q);
+        let frames = || one.frames().iter().filter(|frame| !frame.in_world);
+        let root = frames().find(|frame| frame.body.is_none()).unwrap();
+        let of = |name: &str| kinematics.pose(model, model.frame(name).unwrap());
+        frames().map(|frame| of(&root.name).inv_mul(&of(&frame.name))).collect::<Vec<_>>()
+    };
+    let pairs = poses(one).into_iter().zip(poses(other));
+    let distance = pairs.map(|(one, other)| (one.to_homogeneous() - other.to_homogeneous()).norm());
+    distance.fold(0.0, f64::max)
+}
+
+#[test]
+fn joints_that_are_held_are_drawn_where_they_are_held() {
+    for (name, settings) in [
+        ("panda", json!({ "joints": ["hand"], "fixed": { "panda_finger_joint1": 0.03 } })),
+        ("humanoid", json!({ "joints": ["left_hand"] })),
+        ("quadruped", json!({ "fixed": { "front_left_knee": -1.0 } })),
+    ] {
+        let robot = load(name, &settings).unwrap();
+        let distance = apart(&robot.model, &seen(&robot));
+        assert!(distance < 1e-9, "{name}: a link is drawn {distance} off");
+        // what is seen of a link stands in its own file's words
+        let (whole, text) = (whole(name).text().unwrap().unwrap(), robot.drawn().unwrap().unwrap().text);
+        assert_eq!(text.matches("<visual").count(), whole.matches("<visual").count(), "{name}");
+        assert!(text.matches("type=\"fixed\"").count() > whole.matches("type=\"fixed\"").count(), "{name}");
+    }
+}
+
+const GRIPPER: &str = r#"<mujoco model="gripper"><worldbody><body name="palm" pos="0 0 1">
+  <joint name="turn" axis="0 0 1"/><geom type="box" size="0.05 0.05 0.02"/>
+  <body name="left" pos="0 0.02 0.05"><joint name="left" type="slide" axis="0 1 0" range="0 0.04"/>
+    <geom type="box" size="0.01 0.01 0.03" group="3"/>
+    <geom type="sphere" size="0.0123" group="2" contype="0" conaffinity="0" mass="0"/></body>
+</body></worldbody></mujoco>"#;
+
+#[test]
+fn a_robot_of_mjcf_whose_joints_are_held_is_drawn_by_the_shapes_that_are_seen() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("gripper.xml"), GRIPPER).unwrap();
+    let settings = json!({ "fixed": { "left": 0.03 } });
+    let source = RobotSource {
+        name: "robot",
+        text: "gripper.xml",
+        base: folder.path(),
+        settings: Some(&settings),
+        ..RobotSource::default()
+    };
+    let robot = source.load().unwrap();
+    assert_eq!(robot.model.joint_names(), ["turn"]);
+    assert!(apart(&robot.model, &seen(&robot)) < 1e-9);
+    let text = robot.drawn().unwrap().unwrap().text;
+    assert!(text.contains("<sphere radius=\"0.0123\"/>") && !text.contains("0.02 0.02 0.06"), "{text}");
+}
+
+#[test]
+fn a_robot_without_a_profile_is_given_one_for_what_a_profile_says_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("swing.xml"), SWING).unwrap();
+    let profile = |settings: Value| {
+        let source = RobotSource {
+            name: "robot",
+            text: "swing.xml",
+            base: folder.path(),
+            settings: Some(&settings),
+            ..RobotSource::default()
+        };
+        source.load().unwrap().profile
+    };
+    assert!(motorium_robots::load("swing.xml", folder.path()).unwrap().profile.is_none());
+    assert!(profile(json!({ "mjcf": true })).is_none());
+    assert!(profile(json!({ "joints": ["hinge"] })).is_none());
+    assert_eq!(profile(json!({ "mjcf": true, "start": 0.3 })).unwrap().home, "start");
+    assert!(profile(json!({ "gains": { "kp": 1.0, "kd": 0.1 } })).unwrap().gains.is_some());
+}
+
+#[test]
+fn a_home_pose_that_does_not_fit_is_reported_at_the_key_that_asks_for_it() {
+    // the profile knows no joint that mimics another
+    let options = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };
+    for (key, settings) in
+        [("fixed", json!({ "fixed": { "panda_joint1": 0.0 } })), ("joints", json!({ "joints": ["hand"] }))]
+    {
+        let source =
+            RobotSource { name: "robot", text: "panda", settings: Some(&settings), ..RobotSource::default() };
+        let message = source.load_with(&options).unwrap_err().to_string();
+        assert!(message.contains(&format!("`{key}`: ")), "{message}");
     }
 }

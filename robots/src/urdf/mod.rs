@@ -3,6 +3,7 @@
 mod assemble;
 mod colours;
 mod error;
+mod hold;
 mod inertia;
 mod joints;
 mod mimic;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::Isometry3;
 
+use super::hold::hold_joints;
 use crate::format::is_mjcf;
 use crate::{
     Coordinate, Frame, Geometry, Inertia, JointKind, LinkColours, LoadOptions, Loaded, Model, Shape,
@@ -231,12 +232,12 @@ impl Writer<'_> {
     }
 }
 
-fn origin(pose: &Isometry3<f64>) -> String {
+pub(super) fn origin(pose: &Isometry3<f64>) -> String {
     let (p, (roll, pitch, yaw)) = (pose.translation.vector, pose.rotation.euler_angles());
     format!(r#"<origin xyz="{} {} {}" rpy="{roll} {pitch} {yaw}"/>"#, p.x, p.y, p.z)
 }
 
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
@@ -262,8 +263,8 @@ fn capsule(radius: f64, length: f64) -> TriangleMesh {
 }
 
 impl Loaded {
-    /// The robot as URDF for viewers: the text of its file where that is URDF, else its model with the shapes that are seen, [written](draw_as_urdf)
-    /// as such. `None` if it was not loaded from a file.
+    /// The robot as URDF for viewers: the text of its file where that is URDF, its [held](Self::held) joints fixed, else its model with the
+    /// shapes that are seen, [written](draw_as_urdf) as such. `None` if it was not loaded from a file.
     ///
     /// # Errors
     ///
@@ -271,11 +272,18 @@ impl Loaded {
     pub fn drawn(&self) -> io::Result<Option<DrawnRobot>> {
         let Some(text) = self.text()? else { return Ok(None) };
         if !is_mjcf(&text) {
-            return Ok(Some(DrawnRobot { text, meshes: Vec::new() }));
+            let text = match &self.held[..] {
+                [] => Some(text),
+                held => hold_joints(&text, self.path.as_deref(), held),
+            };
+            let written = text.map(|text| DrawnRobot { text, meshes: Vec::new() });
+            return Ok(Some(written.unwrap_or_else(|| draw_as_urdf(&self.model))));
         }
         let options = LoadOptions { shapes: ShapeSource::Visual, ..LoadOptions::default() };
-        let seen = parse_mjcf(&text, self.path.as_deref(), &options).map(|robot| robot.model);
-        let seen = seen.ok().filter(|model| model.joint_names() == self.model.joint_names());
+        let held: Vec<(&str, f64)> = self.held.iter().map(|(name, held)| (name.as_str(), *held)).collect();
+        let seen = parse_mjcf(&text, self.path.as_deref(), &options).ok();
+        let seen = seen.and_then(|robot| robot.model.locked(&held).ok());
+        let seen = seen.filter(|model| model.joint_names() == self.model.joint_names());
         Ok(Some(draw_as_urdf(seen.as_ref().unwrap_or(&self.model))))
     }
 
