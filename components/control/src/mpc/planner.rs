@@ -308,7 +308,7 @@ impl LegPlanner {
         for (step, horizon) in self.mpc.horizon_mut().iter_mut().enumerate() {
             let begins = step as f64 * h;
             (horizon.position, horizon.velocity, horizon.heading) = self.reference.after(begins + h);
-            horizon.angular_velocity = Vector3::z() * self.reference.velocity().yaw_rate;
+            horizon.angular_velocity = self.reference.angular_velocity(begins + h);
             // in the first step the contacts are those of now
             let time = now + if step == 0 { 0.0 } else { begins + 0.5 * h };
             for (index, (foot, leg)) in self.feet.iter().zip(&self.legs).enumerate() {

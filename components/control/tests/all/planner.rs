@@ -183,6 +183,26 @@ fn a_planner_finds_the_slope_under_its_feet_and_steps_along_it() {
     assert!((told.reference().ground().height(&Vector2::zeros()) - height).abs() < 1e-3);
 }
 
+#[test]
+fn on_a_slope_that_is_crossed_aslant_a_base_parallel_to_it_is_not_seen_turned_and_goes_where_it_points() {
+    let robot = quadruped();
+    let (tilt, heading) = (20.0_f64.to_radians(), 45.0_f64.to_radians());
+    let slope = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -tilt);
+    let mut q = turned(&robot, heading);
+    let place = slope * Vector3::new(q[0], q[1], q[2]);
+    let base = slope * UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]));
+    q[..3].copy_from_slice(place.as_slice());
+    q[3..7].copy_from_slice(base.coords.as_slice());
+    let ground = GroundModel::Normal(slope * Vector3::z());
+    let mut planner = planner_on(&robot, &turned(&robot, 0.0), 0.03, ground);
+    plan(&robot, &mut planner, &q, (0.005, 70));
+    // a robot that stands as it is to stand is not seen turned, at the start and in strides
+    assert!(planner.state().turn.norm() < 1e-9, "{}", planner.state().turn);
+    // it goes where it points
+    let (ahead, velocity) = (base * Vector3::x(), planner.reference().after(0.0).1);
+    assert!((ahead - velocity.normalize()).norm() < 1e-9, "{ahead} {velocity}");
+}
+
 /// Steps of 5 ms of a trot whose first swing is that of the feet 1 and 2; `touches` says what the sensor of foot 1 says at a time.
 fn strides(touches: impl Fn(f64) -> bool) -> (LegPlanner, Vec<(f64, Vector3<f64>)>) {
     let robot = quadruped();

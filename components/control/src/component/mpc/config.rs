@@ -26,7 +26,7 @@ pub struct MpcConfig {
     pub gait: Option<GaitConfig>,
     /// Knowledge of the ground. Default "level".
     pub ground: GroundConfig,
-    /// Reaction to feet that touch before or after their time, where `feet` is wired.
+    /// Reaction to feet that touch before or after their time. It needs the input `feet`.
     pub landing: LandingConfig,
     /// Costs of errors.
     pub weights: WeightsConfig,
@@ -142,7 +142,7 @@ impl Default for FittedConfig {
 }
 
 /// Reaction to feet that touch before or after their time.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct LandingConfig {
     /// Share of a swing from which a contact ends it, 0 to 1; 1 for never. Default 0.5.

@@ -54,6 +54,7 @@ struct Figures {
     solved: u64,
     unsolved: u64,
     stale: u64,
+    without_contacts: u64,
     iterations: u64,
     most_iterations: u32,
     largest_turn: f64,
@@ -80,8 +81,13 @@ impl Component for MpcPlanner {
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
         declare.input::<BaseState>("base_state", "measured or estimated pose and velocity of the base");
         declare.optional_input::<TwistTarget>("target", "target velocity, in the axes of the heading");
-        let doc = "contacts of the feet as measured; without a fresh one the gait alone counts";
-        declare.optional_input::<FootContacts>("feet", doc);
+        if config.landing == LandingConfig::default() {
+            let doc = "contacts of the feet as measured; without a fresh one the gait alone counts";
+            declare.optional_input::<FootContacts>("feet", doc);
+        } else {
+            declare
+                .input::<FootContacts>("feet", "contacts of the feet as measured, which `landing` is about");
+        }
         let doc = "share of its load that each foot may carry, and the normal of the ground";
         declare.output::<ContactSchedule>("contact_schedule", doc);
         let doc = "place and velocity of the centre of mass in the world at the end of the step";
@@ -151,7 +157,9 @@ impl Component for MpcPlanner {
         }
         let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
         let wanted = wanted(&mut self.target, &self.config, self.speed_factor.get());
-        touching(&mut self.contacts, &mut self.planner, self.feet.len(), self.config.state_timeout.ns);
+        let fit =
+            touching(&mut self.contacts, &mut self.planner, self.feet.len(), self.config.state_timeout.ns);
+        self.figures.without_contacts += u64::from(!fit);
         let strides = self.strides.get() && self.began_for >= self.stand_for;
         let solved = self.planner.step(&state, &wanted, strides, dt).is_ok();
         self.began_for += dt;
@@ -173,7 +181,7 @@ impl Component for MpcPlanner {
         let [early, late] = landings.fold([0; 2], |[early, late], [a, b]| [early + a, late + b]);
         let slope = self.planner.reference().ground().slope();
         let swings: Vec<u64> = (0..self.feet.len()).map(|foot| self.planner.swings(foot)).collect();
-        Some(serde_json::json!({
+        let mut result = serde_json::json!({
             "distance_m": way,
             "forward_m": figures.forward,
             "swings": swings,
@@ -186,7 +194,11 @@ impl Component for MpcPlanner {
             "iterations": { "mean": mean, "max": figures.most_iterations },
             "steps_without_solution": figures.unsolved,
             "steps_without_fresh_state": figures.stale,
-        }))
+        });
+        if self.contacts.is_wired() {
+            result["steps_without_fresh_contacts"] = serde_json::json!(figures.without_contacts);
+        }
+        Some(result)
     }
 }
 
@@ -201,13 +213,14 @@ fn wanted(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> P
     PlanarVelocity { linear: Vector2::new(x, y) * factor, yaw_rate: yaw * factor }
 }
 
-/// Tells the planner what the newest contacts say; without fresh ones of all its feet that nothing is known.
-fn touching(input: &mut Input<FootContacts>, planner: &mut LegPlanner, feet: usize, timeout_ns: u64) {
+/// Tells the planner what the newest contacts say; without fresh ones of all its feet that nothing is known. True with fresh ones.
+fn touching(input: &mut Input<FootContacts>, planner: &mut LegPlanner, feet: usize, timeout_ns: u64) -> bool {
     let fresh = input.latest().filter(|feet| feet.age_ns() <= timeout_ns);
     let fresh = fresh.filter(|contacts| contacts.count() == feet);
     for foot in 0..feet {
         planner.set_touching(foot, fresh.as_ref().map(|contacts| contacts.contact()[foot] == 1));
     }
+    fresh.is_some()
 }
 
 impl MpcPlanner {
