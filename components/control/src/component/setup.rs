@@ -1,5 +1,7 @@
 //! The checked parts of a controller that need no topic. Every mistake is named by its key.
 
+use std::path::Path;
+
 use motorium::prelude::*;
 use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, World};
 use nalgebra::{DVector, Vector3};
@@ -31,7 +33,8 @@ pub(super) struct ControllerSetup {
     torque: bool,
     unknowns: Unknowns,
     gravity: Vector3<f64>,
-    world: World,
+    /// The world with the things of its file.
+    pub(super) world: World,
     contacts: Vec<Contact>,
     tasks: Vec<TaskConfig>,
     pub(super) gains: Gains,
@@ -39,8 +42,12 @@ pub(super) struct ControllerSetup {
 }
 
 impl ControllerSetup {
-    /// Loads the robot and checks everything but the tasks' own tables.
-    pub(super) fn new(config: &QpControllerConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
+    /// Loads the robot and checks everything but the tasks' own tables. Paths of the world begin at `folder`.
+    pub(super) fn new(
+        config: &QpControllerConfig,
+        robot: &RobotReference,
+        folder: &Path,
+    ) -> Result<Self, ConfigError> {
         let Loaded { model, profile, .. } = load_robot(robot)?;
         if model.base().floating && config.inverse_dynamics.is_none() {
             let message = format!(
@@ -56,8 +63,9 @@ impl ControllerSetup {
             return Err(ConfigError::key("robot", format!("{joints} joints, at most {MAX_JOINTS} fit")));
         }
         check_numbers(config)?;
-        if config.inverse_dynamics.is_some() {
+        if let Some(table) = &config.inverse_dynamics {
             refuse_velocity_keys(config)?;
+            table.refuse_unused_limits(&config.limits)?;
         }
         let gains = gains(config, &model, profile.as_ref())?;
         let gravity = config.gravity_compensation.then(|| Vector3::from(config.gravity));
@@ -73,7 +81,9 @@ impl ControllerSetup {
             Some(dynamics) => dynamics.contacts(&model, profile.as_ref())?,
             None => Vec::new(),
         };
-        let (gravity, world) = (config.gravity.into(), config.world.clone());
+        let (gravity, mut world) = (config.gravity.into(), config.world.clone());
+        // what its file leaves out the simulation of the world tells
+        world.locate(folder).map_err(|error| ConfigError::key("world", error.to_string()))?;
         let setup =
             Self { model, profile, torque, unknowns, gravity, world, contacts, tasks, gains, feed_forward };
         if unknowns == Unknowns::Forces && setup.contacts.is_empty() {
@@ -84,6 +94,11 @@ impl ControllerSetup {
         setup.check_tasks()?;
         setup.level_damping(config)?;
         Ok(setup)
+    }
+
+    /// True if its parameter `velocity_fraction` has an effect: forces alone move no joint.
+    pub(super) fn limits_velocities(&self) -> bool {
+        self.unknowns != Unknowns::Forces
     }
 
     /// The tasks with their places, for a controller that steps every `period` seconds.

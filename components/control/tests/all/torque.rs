@@ -109,6 +109,26 @@ fn configurations_of_torques_that_cannot_work_are_refused_by_their_key() {
         alone("unknowns = \"accelerations\", torque_fraction = 0.5", "{ cartesian = {} }"),
         &["inverse_dynamics.torque_fraction", "no use for it"],
     );
+    let pressed = "unknowns = \"accelerations\", contacts = [{ frame = \"panda_hand\", sole = [0.1, 0.1], wrench = { min_force = 5.0 } }]";
+    refused(
+        with(&torques(pressed)),
+        &["inverse_dynamics.contacts[0].wrench.min_force", "no use for it", "accelerations_and_forces"],
+    );
+    for (limit, key) in [
+        ("position = { margin = 0.1 }", "position.margin"),
+        ("velocity = { fraction = 0.5 }", "velocity.fraction"),
+    ] {
+        let config = format!(
+            "{{ inverse_dynamics = {{ contacts = [{{ frame = \"panda_hand\" }}], {forces} }}, limits = {{ {limit} }} }}"
+        );
+        refused(with(&config), &[&format!("limits.{key}"), "no use for it", "accelerations_and_forces"]);
+    }
+    let scaled = bare_controller(
+        "{ inverse_dynamics = { unknowns = \"forces\" }, tasks = [{ centre_of_mass = {} }] }",
+    );
+    let scaled = scaled.robot("walker").subscribe("base_state", "base").parameter("velocity_fraction", 0.5);
+    let walker = Graph::new("walker").robot("walker", "quadruped").with(scaled);
+    refused(walker, &["no parameter `velocity_fraction`"]);
     refused(with(&torques("unknowns = \"forces\"")), &["inverse_dynamics.unknowns", "without a contact"]);
     let contact = |rest: &str| with(&torques(&format!("contacts = [{{ frame = \"panda_hand\", {rest} }}]")));
     refused(contact("margin = 0.1"), &["contacts[0].margin", "no sole"]);

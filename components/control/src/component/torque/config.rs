@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::component::checks::in_range;
-use crate::component::config::QpControllerConfig;
+use crate::component::config::{LimitsConfig, QpControllerConfig};
 use crate::inverse_dynamics::{
     Contact, ContactShape, FrictionModel, InverseDynamicsSettings, JointAccelerationLimits, Unknowns,
     WrenchCone,
@@ -161,6 +161,13 @@ impl WrenchConfig {
     }
 }
 
+/// The refusal of a key without an effect.
+fn no_use(unknowns: &str, key: impl Into<String>) -> ConfigError {
+    let message = format!("with `unknowns = \"{unknowns}\"`, which has no use for it");
+    ConfigError::key(key, message)
+        .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\"")
+}
+
 impl InverseDynamicsConfig {
     /// The contacts, checked.
     pub(in crate::component) fn contacts(
@@ -210,13 +217,33 @@ impl InverseDynamicsConfig {
             Unknowns::Accelerations => ("accelerations", &of_forces[..]),
             Unknowns::Forces => ("forces", &of_motions[..]),
         };
-        match unused.iter().find(|(_, given)| *given) {
+        if let Some((key, _)) = unused.iter().find(|(_, given)| *given) {
+            return Err(no_use(words, format!("inverse_dynamics.{key}")));
+        }
+        // accelerations may ask for no force at all
+        let has_least = |config: &ContactConfig| {
+            config.wrench.is_some_and(|wrench| wrench.min_force.is_some_and(|force| force != 0.0))
+        };
+        let contact = self.contacts.iter().flatten().position(has_least);
+        match contact.filter(|_| self.unknowns == Unknowns::Accelerations) {
+            Some(index) => Err(no_use(words, format!("inverse_dynamics.contacts[{index}].wrench.min_force"))),
             None => Ok(()),
-            Some((key, _)) => {
-                let message = format!("with `unknowns = \"{words}\"`, which has no use for it");
-                let advice = "leave it out, or decide both: unknowns = \"accelerations_and_forces\"";
-                Err(ConfigError::key(format!("inverse_dynamics.{key}"), message).advise(advice))
-            }
+        }
+    }
+
+    /// Refuses limits of the joints where forces alone are decided: no joint moves then.
+    pub(in crate::component) fn refuse_unused_limits(
+        &self,
+        limits: &LimitsConfig,
+    ) -> Result<(), ConfigError> {
+        let default = LimitsConfig::default();
+        let given = [
+            ("limits.position.margin", limits.position.margin != default.position.margin),
+            ("limits.velocity.fraction", limits.velocity.fraction != default.velocity.fraction),
+        ];
+        match given.into_iter().find(|(_, given)| *given && self.unknowns == Unknowns::Forces) {
+            Some((key, _)) => Err(no_use("forces", key)),
+            None => Ok(()),
         }
     }
 
