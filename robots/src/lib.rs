@@ -43,9 +43,11 @@ mod configuration;
 mod dynamics;
 mod end_effector;
 mod file;
+mod format;
 mod geometry;
 mod installed;
 mod inverse_kinematics;
+mod joint_subset;
 mod kinematics;
 pub mod lie;
 mod lines;
@@ -78,16 +80,17 @@ pub use dynamics::{
     PARAMETERS, SingularMassMatrix, Wrench,
 };
 pub use end_effector::EndEffectorError;
+pub use format::FileFormat;
 pub use geometry::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshError,
-    MeshMode, MeshProblem, Proximity, Ray, RayHit, RayScene, RayShape, SolidKind, SolidProblem, TriangleMesh,
-    fit_capsule,
+    MeshMode, MeshProblem, Proximity, Ray, RayHit, RayScene, RayShape, SolidKind, SolidProblem, SurfaceEdge,
+    SurfaceTriangle, TriangleMesh, TriangleSurface, VolumeProperties, fit_capsule,
 };
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};
 pub use kinematics::{CentreOfMass, Kinematics, TaskRows};
 pub use load::{BaseMode, LoadError, LoadOptions, Loaded, ProfileChoice, ShapeSource, load, load_with};
-pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, parse_mjcf};
+pub use mjcf::{MjcfError, MjcfProblem, MjcfRobot, MjcfWorld, parse_mjcf, parse_mjcf_world};
 pub use model::{
     AttachError, Base, Body, BodyFactors, Coordinate, Drive, Frame, FrameId, Geometry, Inertia, Joint,
     JointDynamics, JointKind, Limits, LockError, Model, Placed, SafetyController, ScaleError, Shape,
@@ -106,7 +109,10 @@ pub use srdf::{Srdf, SrdfError};
 pub use terrain::{HeightField, NearTriangle, Terrain, TerrainError, TerrainLayer};
 pub use twist::{Reference, Twist};
 pub use urdf::{
-    MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot, parse_urdf,
-    parse_urdf_with, pinocchio_joint_order,
+    DrawnRobot, MimicMode, ModelWarning, PackagePath, Position, UrdfError, UrdfProblem, UrdfRobot,
+    draw_as_urdf, parse_urdf, parse_urdf_with, pinocchio_joint_order,
 };
-pub use world::{Conveyor, Copies, Grain, Ground, Object, ObjectShape, Softness, World, WorldError};
+pub use world::{
+    Conveyor, Copies, Grain, Ground, MeshBody, MeshCollision, MeshShape, Object, ObjectMass, ObjectShape,
+    Softness, World, WorldError, WorldFileError,
+};

@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::file::read_bounded;
+use crate::format::{FileFormat, is_mjcf};
 use crate::installed::{find, installed};
 use crate::nearest::{nearest, suggestion};
 use crate::{
@@ -27,6 +28,8 @@ pub struct Loaded {
     pub postures: Vec<Posture>,
     /// Pairs of bodies that an MJCF file excludes from collision.
     pub exclusions: Srdf,
+    /// Joints of the file that the model does not have, because a graph holds them, and their positions \[rad or m\].
+    pub held: Vec<(String, f64)>,
     /// The catalogue entry, when it came from there.
     pub entry: Option<&'static Entry>,
     /// The URDF or MJCF file, when it came from one.
@@ -80,6 +83,8 @@ pub struct LoadOptions {
     pub profile: ProfileChoice,
     /// The shapes that the model gets.
     pub shapes: ShapeSource,
+    /// The format that its file must have.
+    pub format: FileFormat,
 }
 
 /// The shapes of a file that become those of its [`Model`].
@@ -131,6 +136,9 @@ pub enum LoadError {
         /// The files in it.
         names: Vec<String>,
     },
+    /// A robot that was to be in an MJCF file and is not.
+    #[error("{} is no MJCF file: its root element is not <mujoco>; name it by `urdf`", .0.display())]
+    NotMjcf(PathBuf),
     /// A file that cannot be read.
     #[error("cannot read {}: {source}", .path.display())]
     Read {
@@ -192,19 +200,23 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     options.packages.folders.extend(environment.folders);
     options.packages.prefixes.extend(environment.prefixes);
 
-    if let Some(entry) = catalogue().iter().find(|entry| entry.name == reference) {
+    let entry = catalogue().iter().find(|entry| entry.name == reference);
+    if let Some(entry) = entry.filter(|_| options.format == FileFormat::Any) {
         let profile = match &options.profile {
             ProfileChoice::Own => Some((entry.profile.clone(), PathBuf::from(format!("{reference}.toml")))),
             chosen => profile_of(chosen, Path::new(""))?,
         };
         let options = based(options, profile.as_ref());
         let UrdfRobot { model, warnings } = parse_urdf_with(entry.urdf, None, &options)?;
-        let (postures, exclusions) = (Vec::new(), Srdf::default());
-        let loaded =
-            Loaded { model, warnings, profile: None, postures, exclusions, entry: Some(entry), path: None };
+        let (postures, held, exclusions) = (Vec::new(), Vec::new(), Srdf::default());
+        let (entry, path) = (Some(entry), None);
+        let loaded = Loaded { model, warnings, profile: None, postures, exclusions, held, entry, path };
         return profiled(loaded, profile, &options);
     }
-    let path = file(reference, base)?;
+    let path = match (file(reference, base, options.format), entry) {
+        (Err(LoadError::NotFound { .. }), Some(_)) => return Err(LoadError::NotMjcf(reference.into())),
+        (found, _) => found?,
+    };
     let profile = profile_of(&options.profile, &path.with_extension("toml"))?;
     let options = based(options, profile.as_ref());
     let Parsed { model, warnings, exclusions, profile: own } = parse(&read(&path)?, &path, &options)?;
@@ -212,8 +224,8 @@ pub fn load_with(reference: &str, base: &Path, options: &LoadOptions) -> Result<
     let own = own.filter(|_| options.profile == ProfileChoice::Own).map(|own| (own, path.clone()));
     let profile = profile.or(own);
     let postures = Posture::beside(&path, &model);
-    let loaded =
-        Loaded { model, warnings, profile: None, postures, exclusions, entry: None, path: Some(path) };
+    let (held, entry, path) = (Vec::new(), None, Some(path));
+    let loaded = Loaded { model, warnings, profile: None, postures, exclusions, held, entry, path };
     profiled(loaded, profile, &options)
 }
 
@@ -250,32 +262,15 @@ struct Parsed {
 
 /// A file's text in its format: MJCF when the root element says so.
 fn parse(text: &str, path: &Path, options: &LoadOptions) -> Result<Parsed, LoadError> {
+    if !is_mjcf(text) && options.format == FileFormat::Mjcf {
+        return Err(LoadError::NotMjcf(path.to_owned()));
+    }
     if is_mjcf(text) {
         let MjcfRobot { model, warnings, exclusions, profile } = parse_mjcf(text, Some(path), options)?;
         return Ok(Parsed { model, warnings, exclusions, profile });
     }
     let UrdfRobot { model, warnings } = parse_urdf_with(text, Some(path), options)?;
     Ok(Parsed { model, warnings, exclusions: Srdf::default(), profile: None })
-}
-
-/// True where the first element of an XML text is `<mujoco>`: declarations and comments before it do not count.
-fn is_mjcf(text: &str) -> bool {
-    let mut rest = text;
-    while let Some(start) = rest.find('<') {
-        rest = &rest[start + 1..];
-        let end = match rest.strip_prefix("!--") {
-            Some(comment) => comment.find("-->").map(|end| end + 6),
-            None if rest.starts_with(['?', '!']) => rest.find('>').map(|end| end + 1),
-            None => {
-                return rest
-                    .strip_prefix("mujoco")
-                    .is_some_and(|rest| !rest.starts_with(char::is_alphanumeric));
-            }
-        };
-        let Some(end) = end else { return false };
-        rest = &rest[end..];
-    }
-    false
 }
 
 /// The options with the base the profile wants, unless they want one themselves.
@@ -287,10 +282,10 @@ fn based(options: LoadOptions, profile: Option<&(Profile, PathBuf)>) -> LoadOpti
 }
 
 /// The file that `reference` means.
-fn file(reference: &str, base: &Path) -> Result<PathBuf, LoadError> {
+fn file(reference: &str, base: &Path, format: FileFormat) -> Result<PathBuf, LoadError> {
     let path = base.join(reference);
     if path.exists() {
-        return if path.is_dir() { robot_in(&path) } else { Ok(path) };
+        return if path.is_dir() { robot_in(&path, format) } else { Ok(path) };
     }
     let installed = installed();
     if let Some(robot) = find(&installed, reference) {
@@ -317,10 +312,12 @@ fn read(path: &Path) -> Result<String, LoadError> {
 
 /// The robot of a folder: its only URDF, the one named like the folder, or that of its `urdf` folder; else an MJCF
 /// file, likewise.
-fn robot_in(folder: &Path) -> Result<PathBuf, LoadError> {
-    for (place, extension) in
-        [(folder.to_owned(), "urdf"), (folder.join("urdf"), "urdf"), (folder.to_owned(), "xml")]
-    {
+fn robot_in(folder: &Path, format: FileFormat) -> Result<PathBuf, LoadError> {
+    let places = [(folder.to_owned(), "urdf"), (folder.join("urdf"), "urdf"), (folder.to_owned(), "xml")];
+    for (place, extension) in places {
+        if format == FileFormat::Mjcf && extension == "urdf" {
+            continue;
+        }
         let Ok(entries) = std::fs::read_dir(&place) else { continue };
         let mut found: Vec<_> = entries
             .filter_map(|entry| Some(entry.ok()?.path()))
@@ -364,24 +361,5 @@ fn profile_of(choice: &ProfileChoice, beside: &Path) -> Result<Option<(Profile, 
     match profile {
         Ok(profile) => Ok(Some((profile, path))),
         Err(source) => Err(LoadError::Profile { path, source }),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_root_element_tells_the_format() {
-        for text in
-            ["<mujoco/>", "<?xml version=\"1.0\"?>\n<!-- <robot> -->\n<mujoco model=\"a\">", "<mujoco>"]
-        {
-            assert!(is_mjcf(text), "{text}");
-        }
-        for text in
-            ["<robot name=\"mujoco\"/>", "<!-- <mujoco> --><robot/>", "<mujocoinclude/>", "", "<!-- <mujoco>"]
-        {
-            assert!(!is_mjcf(text), "{text}");
-        }
     }
 }

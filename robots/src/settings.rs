@@ -1,4 +1,4 @@
-//! What a graph file says of a robot in place of its profile: frame, start and gains.
+//! What a graph file says of a robot in place of its profile: the joints that move, frame, start and gains.
 
 use std::collections::BTreeMap;
 
@@ -6,6 +6,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
+use crate::joint_subset::JointSubset;
 use crate::profile::{GainArrays, tip_joints};
 use crate::{BaseKind, EndEffector, Loaded, Model, PerJoint, Profile};
 
@@ -13,20 +14,21 @@ use crate::{BaseKind, EndEffector, Loaded, Model, PerJoint, Profile};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("`{key}`: {message}")]
 pub struct SettingError {
-    /// The key: `frame`, `start` or `gains`.
+    /// The key: `joints`, `fixed`, `frame`, `start` or `gains`.
     pub key: &'static str,
     /// The reason for which its value is refused.
     pub message: String,
 }
 
 impl SettingError {
-    fn new(key: &'static str, message: impl ToString) -> Self {
+    pub(crate) fn new(key: &'static str, message: impl ToString) -> Self {
         Self { key, message: message.to_string() }
     }
 }
 
 /// Settings of a robot in a graph file.
 pub(crate) struct Settings {
+    subset: JointSubset,
     /// The frame that tasks move.
     frame: Option<String>,
     start: Option<Start>,
@@ -52,13 +54,27 @@ struct GivenGains {
 }
 
 impl Settings {
-    /// Reads the settings of a table with the keys `frame`, `start` and `gains`.
+    /// Reads the settings of a table with the keys `joints`, `fixed`, `frame`, `start` and `gains`.
     pub(crate) fn read(table: &Value) -> Result<Self, SettingError> {
-        Ok(Self { frame: read(table, "frame")?, start: read(table, "start")?, gains: read(table, "gains")? })
+        let fixed = read(table, "fixed")?.unwrap_or_default();
+        Ok(Self {
+            subset: JointSubset { joints: read(table, "joints")?, fixed },
+            frame: read(table, "frame")?,
+            start: read(table, "start")?,
+            gains: read(table, "gains")?,
+        })
     }
 
-    /// Changes the profile of a robot, or gives it one.
+    /// Holds joints, and changes the profile of a robot, or gives it one where there is something to say in it.
     pub(crate) fn apply(self, robot: &mut Loaded) -> Result<(), SettingError> {
+        let pose = match &self.start {
+            Some(Start::Pose(name)) => Some(name.as_str()),
+            _ => None,
+        };
+        self.subset.apply(robot, pose)?;
+        if self.frame.is_none() && self.start.is_none() && self.gains.is_none() {
+            return Ok(());
+        }
         let model = &robot.model;
         let mut profile = robot.profile.take().unwrap_or_else(|| without_poses(model));
         if let Some(given) = self.gains {

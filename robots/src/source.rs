@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::settings::Settings;
-use crate::{BasePose, LoadError, LoadOptions, Loaded, ProfileChoice, load_with};
+use crate::{BasePose, FileFormat, LoadError, LoadOptions, Loaded, ProfileChoice, load_with};
 
 /// A robot as a graph file refers to it.
 ///
@@ -31,7 +31,8 @@ pub struct RobotSource<'a> {
     pub profile: Option<&'a Path>,
     /// Folders searched for its packages before all others.
     pub packages: &'a [PathBuf],
-    /// A table with the keys `frame`, `start` and `gains` of the graph, which replace those of its profile.
+    /// A table with the keys `mjcf` (true where the graph names its file so), `joints`, `fixed`, `frame`, `start` and `gains` of the graph,
+    /// of which the last three replace those of its profile.
     pub settings: Option<&'a serde_json::Value>,
 }
 
@@ -79,6 +80,9 @@ impl RobotSource<'_> {
         options.packages.folders.splice(0..0, self.packages.iter().cloned());
         if let Some(profile) = self.profile {
             options.profile = ProfileChoice::File(profile.to_path_buf());
+        }
+        if self.settings.is_some_and(|settings| settings["mjcf"] == true) {
+            options.format = FileFormat::Mjcf;
         }
         let refused = |source| RobotSourceError { name: self.name.to_owned(), source: Box::new(source) };
         let mut loaded = load_with(self.text, self.base, &options).map_err(refused)?;

@@ -1,25 +1,34 @@
 //! The world around the robot, as a file describes it.
 
 mod copies;
+mod file;
+mod mesh;
+mod sdf;
 mod surface;
 mod things;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::nearest::suggestion;
-use crate::{Appearance, HeightField, Terrain, TerrainError};
+use crate::{Appearance, HeightField, MeshError, ModelWarning, Terrain, TerrainError};
 pub use copies::Copies;
+pub use file::WorldFileError;
+pub use mesh::{MeshBody, MeshCollision, MeshShape};
 pub use surface::{Grain, Softness};
-pub use things::{Conveyor, Ground, Object, ObjectShape};
+pub use things::{Conveyor, Ground, Object, ObjectMass, ObjectShape};
 
 /// Gravity, air, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in kilograms; poses in the
 /// world, which is the base frame of the robot, z up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct World {
+    /// A file that holds a world: MJCF, URDF or SDF. Its gravity, ground and objects are those of the world, to which the keys
+    /// beside it add; gravity that they state wins. A relative path begins at the folder of the graph. Default: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
     /// Acceleration of free fall (m/s2).
     pub gravity: [f64; 3],
     /// Velocity of the air (m/s). It pushes objects that have a `drag`. Default: it stands still.
@@ -38,11 +47,15 @@ pub struct World {
     pub appearance: Appearance,
 }
 
+/// Acceleration of free fall on Earth \[m/s2\].
+const EARTH: [f64; 3] = [0.0, 0.0, -9.81];
+
 impl Default for World {
     /// Earth's gravity, air that stands still, no ground, no objects.
     fn default() -> Self {
         Self {
-            gravity: [0.0, 0.0, -9.81],
+            file: None,
+            gravity: EARTH,
             wind: [0.0; 3],
             air_density: 1.225,
             ground: None,
@@ -71,6 +84,40 @@ pub enum WorldError {
     /// A terrain that cannot be made.
     #[error("terrain: {0}")]
     Terrain(#[from] TerrainError),
+    /// A mesh that cannot be used.
+    #[error("{owner}: {error}")]
+    Mesh {
+        /// The object.
+        owner: String,
+        /// The fault of its file.
+        error: MeshError,
+    },
+    /// A mesh without volume where one is needed.
+    #[error(
+        "{name}: its mesh is flat, and has no convex hull; let it touch by its triangles: collision = \"triangles\""
+    )]
+    FlatMesh {
+        /// The object.
+        name: String,
+    },
+    /// Triangles that move.
+    #[error(
+        "{name}: it moves, and cannot touch by its triangles; cut it into convex parts, such as collision = {{ parts = 16 }}, or \
+         leave `mass` and `density` out"
+    )]
+    MovingTriangles {
+        /// The object.
+        name: String,
+    },
+    /// Two statements of a mass.
+    #[error("{name}: both `mass` and `density` are given; leave one out")]
+    TwoMasses {
+        /// The object.
+        name: String,
+    },
+    /// A file that holds no world.
+    #[error(transparent)]
+    File(#[from] WorldFileError),
     /// A plane and a terrain.
     #[error(
         "both `ground` and `terrain` are given, but there is one ground: a terrain goes on as at its edge; leave `ground` out"
@@ -95,18 +142,32 @@ pub enum WorldError {
 }
 
 impl World {
-    /// Lets the relative paths of its files begin at a folder.
+    /// Lets the relative paths of its files begin at a folder, and takes over the world of its [`file`](Self::file). Returns what was left out of
+    /// that.
     ///
     /// ```
     /// # use motorium_robots::World;
     /// let text = "terrain = { size = [4.0, 4.0], layers = [{ image = { file = \"hills.png\", height = [0.0, 0.2] } }] }";
     /// let mut world: World = toml::from_str(text).unwrap();
-    /// world.locate("/nowhere".as_ref());
+    /// world.locate("/nowhere".as_ref()).unwrap();
     /// assert!(world.height_field().unwrap_err().to_string().contains("/nowhere/hills.png"));
     /// ```
-    pub fn locate(&mut self, folder: &Path) {
+    ///
+    /// # Errors
+    ///
+    /// [`WorldError::File`].
+    pub fn locate(&mut self, folder: &Path) -> Result<Vec<ModelWarning>, WorldError> {
         if let Some(terrain) = &mut self.terrain {
             terrain.locate(folder);
+        }
+        for object in &mut self.objects {
+            if let ObjectShape::Mesh(mesh) = &mut object.shape {
+                mesh.locate(folder);
+            }
+        }
+        match self.file.take() {
+            Some(file) => Ok(self.add_file(&folder.join(file))?),
+            None => Ok(Vec::new()),
         }
     }
 
@@ -163,11 +224,12 @@ impl World {
             for value in object.rpy {
                 finite(name, "rpy", value)?;
             }
-            for (field, value) in object.shape.dimensions() {
-                positive(name, field, value)?;
+            object.shape.check(name, object.is_dynamic())?;
+            for (field, value) in [("mass", object.mass), ("density", object.density)] {
+                value.map_or(Ok(()), |value| positive(name, field, value))?;
             }
-            if let Some(mass) = object.mass {
-                positive(name, "mass", mass)?;
+            if object.mass.is_some() && object.density.is_some() {
+                return Err(WorldError::TwoMasses { name: name.to_owned() });
             }
             from_zero(name, "drag", object.drag)?;
             let frictions = [object.friction, object.torsional_friction, object.rolling_friction];

@@ -16,6 +16,7 @@ mod floating;
 mod golden;
 mod height_pictures;
 mod inverse_kinematics;
+mod joint_subsets;
 mod lie_groups;
 mod loading;
 mod manipulability;
@@ -35,6 +36,7 @@ mod standing;
 mod terrain;
 mod urdf_faults;
 mod urdf_reading;
+mod worlds;
 
 #[path = "../examples/forward_kinematics.rs"]
 #[allow(dead_code, reason = "the main function of the example")]

@@ -100,3 +100,22 @@ fn the_quadruped_trots_by_model_predictive_control_at_the_velocity_that_it_is_to
     let moved = aside.report().results["physics"]["base_travel_y_m"].as_f64().expect("a number");
     assert!((moved - 0.74).abs() < 0.1, "it went {moved} m aside");
 }
+
+#[test]
+fn the_quadruped_trots_up_a_slope_with_stones_by_what_its_feet_feel() {
+    let _machine = machine();
+    let graph = workspace().join("graphs/quadruped-slope.toml");
+    let ended = run(&graph, &["--clock", "lockstep"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let planner = &ended.report().results["planner"];
+    // the slope of the terrain, as far as stones let it be seen
+    let slope = planner["ground_slope"][0].as_f64().expect("a number");
+    assert!((slope - 0.12_f64.tan()).abs() < 0.06, "{planner}");
+    let count = |key: &str| planner[key].as_u64().expect("a number");
+    assert!(count("early_landings") > 0 && count("late_landings") > 0, "{planner}");
+    let moved = ended.report().results["physics"]["base_travel_x_m"].as_f64().expect("a number");
+    assert!(moved > 2.0, "it went {moved} m ahead");
+    for component in &ended.report().components {
+        assert_eq!(component.allocations, Some(0), "{}", component.name);
+    }
+}

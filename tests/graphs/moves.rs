@@ -104,3 +104,38 @@ fn a_cube_that_a_belt_brings_ends_in_the_bin_and_a_ball_where_its_rolling_fricti
     assert!(objects["ball"]["speed"].as_f64().expect("a number") < 1e-3, "{objects}");
     assert_nothing_allocates(&ended);
 }
+
+#[test]
+fn an_arm_whose_fingers_are_held_reaches_with_seven_joints() {
+    let _machine = machine();
+    let overlay = workspace().join("graphs/overlays/panda-arm.toml");
+    let ended = whole("panda-reach.toml", &["--for", "4 s", "--with", overlay.to_str().expect("UTF-8")]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert!(number(&ended, "controller", "goals_reached") >= 1.0);
+    assert!(number(&ended, "controller", "position_error_m") < 1e-3);
+    assert_nothing_allocates(&ended);
+}
+
+#[test]
+fn an_arm_reaches_by_accelerations_alone_and_by_their_torques_alone() {
+    let _machine = machine();
+    for arguments in [&[][..], &["--set", "controller.config.inverse_dynamics.impedance=0.0"]] {
+        let ended = whole("panda-accelerations.toml", &[&["--for", "5 s"], arguments].concat());
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        assert!(number(&ended, "controller", "goals_reached") >= 2.0);
+        assert!(number(&ended, "controller", "position_error_m") < 1e-3);
+        assert_eq!(number(&ended, "controller", "steps_without_solution"), 0.0);
+        assert_nothing_allocates(&ended);
+    }
+}
+
+#[test]
+fn a_quadruped_sways_by_contact_forces_alone() {
+    let _machine = machine();
+    let ended = whole("quadruped-forces.toml", &[]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    assert_eq!(number(&ended, "controller", "goals_missed"), 0.0);
+    assert_eq!(number(&ended, "controller", "steps_without_solution"), 0.0);
+    assert_eq!(ended.report().results["controller"]["solver"]["steps_relaxed"], 0);
+    assert_nothing_allocates(&ended);
+}

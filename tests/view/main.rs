@@ -2,6 +2,7 @@
 
 mod bundle;
 mod client;
+mod mjcf;
 mod page;
 mod pictures;
 mod playback;

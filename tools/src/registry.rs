@@ -54,6 +54,7 @@ fn check_robot(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
                 .advise("`motorium robot profile FILE --output PROFILE.toml` writes a first one")
         }
         LoadError::Setting(error) => ConfigError::key(error.key, error.message),
+        cause @ LoadError::NotMjcf(_) => ConfigError::key("mjcf", cause.to_string()),
         cause => ConfigError::new(cause.to_string()),
     })?;
     Ok(ModelWarning::told(&loaded.warnings))

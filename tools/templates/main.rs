@@ -18,10 +18,35 @@ struct Config {
     joint: usize,
     /// Amplitude of the motion from the initial position, rad.
     amplitude: f64,
-    /// Proportional gain of each joint, N m/rad.
-    kp: Vec<f64>,
-    /// Derivative gain of each joint, N m s/rad.
-    kd: Vec<f64>,
+    /// Proportional gain, N m/rad: one number for all joints, or one for each.
+    kp: Gains,
+    /// Derivative gain, N m s/rad: one number for all joints, or one for each.
+    kd: Gains,
+}
+
+/// One number for all joints, or one for each.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected one number, or a list with one number per joint")]
+enum Gains {
+    All(f64),
+    Each(Vec<f64>),
+}
+
+impl Gains {
+    /// True if there is one for each of so many joints.
+    fn fit(&self, joints: usize) -> bool {
+        match self {
+            Self::All(_) => true,
+            Self::Each(gains) => gains.len() == joints,
+        }
+    }
+
+    fn write(&self, gains: &mut [f64]) {
+        match self {
+            Self::All(gain) => gains.fill(*gain),
+            Self::Each(each) => gains.copy_from_slice(each),
+        }
+    }
 }
 
 /// A position and its velocity, rad and rad/s.
@@ -78,14 +103,15 @@ impl Component for Controller {
         declare.input::<JointState>("state", "measured joint state");
         declare.output::<JointCommand>("command", "setpoints and gains for all joints");
         declare.float("frequency", 0.5, 0.05..=2.0, "Hz", "oscillations per second");
-        let (joints, gains) = (config.kp.len(), config.kd.len());
-        if joints != gains {
-            let message = format!("{gains} values, but `kp` has {joints}");
-            return Err(ConfigError::key("kd", message).advise("write one value for each joint"));
-        }
-        if config.joint >= joints {
-            let message = format!("joint {}, but `kp` is for {joints} joints", config.joint);
-            return Err(ConfigError::key("joint", message).advise("joints count from 0"));
+        for (key, gains) in [("kp", &config.kp), ("kd", &config.kd)] {
+            if let Gains::Each(gains) = gains
+                && config.joint >= gains.len()
+            {
+                let message =
+                    format!("{} numbers, and the joint that moves is number {}", gains.len(), config.joint);
+                return Err(ConfigError::key(key, message)
+                    .advise("write one number for all joints, or one for each; joints count from 0"));
+            }
         }
         if !(-1.0..=1.0).contains(&config.amplitude) {
             let message = format!("{} rad, expected from -1 to 1", config.amplitude);
@@ -111,11 +137,15 @@ impl Component for Controller {
     // The hot path: no allocation, no lock, no log, no system call.
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Some(state) = self.state.latest() else { return Ok(()) };
-        let joints = self.config.kp.len();
-        if state.count() != joints {
-            return Err(StepError::failed("the robot has another number of joints than `kp` has values"));
+        let (joints, joint) = (state.count(), self.config.joint);
+        if joint >= joints {
+            return Err(StepError::failed("`joint` is beyond the last joint of the robot"));
         }
-        let joint = self.config.joint;
+        if !self.config.kp.fit(joints) || !self.config.kd.fit(joints) {
+            return Err(StepError::failed(
+                "`kp` and `kd` want one number, or one for each joint of the robot",
+            ));
+        }
         if let Some(last) = self.last {
             self.largest_error = self.largest_error.max((last - state.position()[joint]).abs());
         }
@@ -130,8 +160,8 @@ impl Component for Controller {
         command.velocity_mut().fill(0.0);
         command.velocity_mut()[joint] = setpoint.velocity;
         command.effort_mut().fill(0.0);
-        command.kp_mut().copy_from_slice(&self.config.kp);
-        command.kd_mut().copy_from_slice(&self.config.kd);
+        self.config.kp.write(command.kp_mut());
+        self.config.kd.write(command.kd_mut());
         self.last = Some(command.position()[joint]);
         command.publish()
     }
@@ -179,13 +209,11 @@ mod tests {
 
     #[test]
     fn a_configuration_that_cannot_work_is_refused_with_its_key() {
-        let good = r#"{ "joint": 1, "amplitude": 0.3, "kp": [1.0, 2.0], "kd": [0.1, 0.2] }"#;
+        let good = r#"{ "joint": 1, "amplitude": 0.3, "kp": 1.0, "kd": [0.1, 0.2] }"#;
         assert_eq!(declare(good), Ok(()));
-        for (key, wrong) in [
-            ("kd", good.replace("[0.1, 0.2]", "[0.1]")),
-            ("joint", good.replace("\"joint\": 1", "\"joint\": 2")),
-            ("amplitude", good.replace("0.3", "3.0")),
-        ] {
+        for (key, wrong) in
+            [("kd", good.replace("[0.1, 0.2]", "[0.1]")), ("amplitude", good.replace("0.3", "3.0"))]
+        {
             assert_eq!(declare(&wrong).unwrap_err().key.as_deref(), Some(key));
         }
     }
@@ -211,7 +239,7 @@ mod tests {
             .parameter("frequency", 0.5)
             .config("joint", 1)
             .config("amplitude", 0.2)
-            .config("kp", vec![1.0, 2.0])
+            .config("kp", 1.5)
             .config("kd", vec![0.1, 0.2]);
         let report = Graph::new("motion").with(robot()).with(controller).with(&commands).run("2 s").unwrap();
 
@@ -223,7 +251,7 @@ mod tests {
             commands
                 .values()
                 .iter()
-                .all(|command| command.position()[0] == 0.0 && command.kp() == [1.0, 2.0])
+                .all(|command| command.position()[0] == 0.0 && command.kp() == [1.5, 1.5])
         );
         // `motorium::main!` counts: no step allocates
         assert!(report.components.iter().all(|component| component.allocations == Some(0)));

@@ -1,5 +1,5 @@
 //! Quadratic programs and whole control cycles: recorded streams through our solver beside Clarabel, differential inverse
-//! kinematics of an arm and of a humanoid, strict priorities, inverse dynamics on two feet; or with `--peers` the same beside the
+//! kinematics of an arm and of a humanoid, strict priorities, inverse dynamics on two feet, the horizon of a trot; or with `--peers` the same beside the
 //! solvers and libraries of PyPI, the sides in turn.
 //!
 //! The streams are files of recorded problems (`motorium qp solve --help`): `MOTORIUM_QPS` names their folder, by default
@@ -7,6 +7,7 @@
 
 mod bipeds;
 mod peers;
+mod planner;
 mod streams;
 mod torque;
 mod velocity;
@@ -31,6 +32,7 @@ fn main() {
     group.bench_function("humanoid, four levels", |timer| timer.iter(velocity::in_four_levels(&humanoid)));
     let mut torque = TorqueCycle::new(&humanoid, Tasks::Four);
     group.bench_function("humanoid, inverse dynamics on two soles", |timer| timer.iter(|| torque.run()));
+    group.bench_function("quadruped, horizon of ten steps in a trot", |timer| timer.iter(planner::trot()));
     group.finish();
     criterion.final_summary();
 }

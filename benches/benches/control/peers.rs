@@ -7,6 +7,7 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use std::time::Instant;
 
 use crate::bipeds::{Biped, Files};
+use crate::planner;
 use crate::streams::{Solves, Stream};
 use crate::torque::{Tasks, TorqueCycle};
 use crate::velocity;
@@ -64,6 +65,7 @@ pub(crate) fn compare(streams: &[Stream]) {
     Row::cycle("humanoid, four levels", velocity::in_four_levels(&humanoid), Vec::new()).measure(&pythons);
     let mut torque = TorqueCycle::new(&humanoid, Tasks::Four);
     Row::cycle("humanoid, torques, four tasks", move || torque.run(), Vec::new()).measure(&pythons);
+    Row::cycle("quadruped, horizon of ten steps", planner::trot(), Vec::new()).measure(&pythons);
     match talos {
         Err(error) => eprintln!(
             "no Talos: {error}; run benches/peers/fetch control, or set MOTORIUM_EXAMPLE_ROBOT_DATA"

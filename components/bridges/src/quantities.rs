@@ -119,7 +119,7 @@ const TABLE: &[(&str, &[Row])] = &[
         ],
     ),
     ("FootContacts", &[("force", "N", NONE)]),
-    ("ContactSchedule", &[("load", "", NONE)]),
+    ("ContactSchedule", &[("ground_normal", "", NONE), ("load", "", NONE)]),
     (
         "ObjectPoses",
         &[

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 use serde::Serialize;
 
+use crate::statistics::ratio_and_error;
 use crate::{
     Basis, Layout, Metric, MotionLibrary, Movement, Recordings, SampledSpring, Trajectory, Truncation,
 };
@@ -14,6 +15,8 @@ pub struct Evaluation {
     pub n: usize,
     /// Root mean square of the forces left out, over that of the forces.
     pub force: f64,
+    /// Standard error of it over the movements.
+    pub force_error: f64,
     /// Errors of the paths.
     pub position: PathError,
 }
@@ -66,9 +69,16 @@ pub fn evaluate(basis: &Basis, recordings: &Recordings, spring: &SampledSpring) 
     let dofs = recordings.names.len();
     let errors = path_errors(left.clone(), dofs, spring);
     let spread = mean_spread(recordings, spring);
+    let squares = |matrix: &DMatrix<f64>| -> Vec<f64> {
+        matrix.column_iter().map(|column| column.norm_squared()).collect()
+    };
+    let (ratio, error) = ratio_and_error(&squares(&left), &squares(&forces));
+    let force = ratio.sqrt();
     Evaluation {
         n: basis.size(),
-        force: (left.norm_squared() / forces.norm_squared().max(f64::MIN_POSITIVE)).sqrt(),
+        force,
+        // the derivative of the root
+        force_error: if force > 0.0 { 0.5 * error / force } else { 0.0 },
         position: PathError::of(errors.into_iter().map(|error| error / spread).collect()),
     }
 }

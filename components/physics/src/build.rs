@@ -1,6 +1,6 @@
 //! Errors and warnings of setting up a simulation.
 
-use motorium_robots::{ActuatorError, Model};
+use motorium_robots::{ActuatorError, MeshCollision, Model, ObjectShape};
 
 use crate::joint::JointProperties;
 use crate::{Capabilities, Integrator, LibraryError, Options, ResetError, RobotSetup, World, WorldError};
@@ -52,6 +52,8 @@ pub enum BuildError {
         ability: &'static str,
         /// The object, link, `ground` or `terrain`.
         owner: String,
+        /// Of a link, the property of its surface: `soft` or `grain`.
+        surface: Option<&'static str>,
     },
     /// The library of the MuJoCo engine is not there.
     #[error(transparent)]
@@ -259,8 +261,16 @@ impl BuildError {
             let soft = setup.soft.keys().map(|link| (link.as_str(), [0.0; 2], [false, true, false]));
             soft.chain(setup.grain.keys().map(|link| (link.as_str(), [0.0; 2], [false, false, true])))
         });
-        let all = ground.chain(terrain).chain(objects).chain(links);
-        for (owner, [torsional, rolling], [conveyor, soft, grain]) in all {
+        let triangles = world.objects.iter().find(|object| {
+            matches!(&object.shape, ObjectShape::Mesh(mesh) if mesh.collision == MeshCollision::Triangles)
+        });
+        if let Some(object) = triangles.filter(|_| !abilities.triangles) {
+            let ability = "contacts of the triangles of a mesh";
+            return Err(Self::Unable { engine, ability, owner: object.name.clone(), surface: None });
+        }
+        let all = ground.chain(terrain).chain(objects).map(|thing| (thing, false));
+        let all = all.chain(links.map(|link| (link, true)));
+        for ((owner, [torsional, rolling], [conveyor, soft, grain]), is_link) in all {
             let wants = [
                 (torsional > 0.0 && !abilities.rolling_friction, "torsional friction"),
                 (rolling > 0.0 && !abilities.rolling_friction, "rolling friction"),
@@ -269,7 +279,8 @@ impl BuildError {
                 (grain && !abilities.textures, "friction that differs by direction"),
             ];
             if let Some((_, ability)) = wants.into_iter().find(|(missing, _)| *missing) {
-                return Err(Self::Unable { engine, ability, owner: owner.to_owned() });
+                let surface = is_link.then_some(if soft { "soft" } else { "grain" });
+                return Err(Self::Unable { engine, ability, owner: owner.to_owned(), surface });
             }
         }
         Ok(())

@@ -1,6 +1,6 @@
 //! Errors of steps and resets.
 
-use motorium_robots::{Model, TerrainError};
+use motorium_robots::{ActuatorError, Model, TerrainError};
 
 use crate::properties::Surface;
 use crate::robot::{Articulation, BASE_BOUND};
@@ -168,6 +168,9 @@ pub enum ResetError {
         .0.name, .0.friction, .0.restitution
     )]
     Surface(Surface),
+    /// Settings of an actuator that cannot be.
+    #[error("actuator: {0}")]
+    Actuator(#[from] ActuatorError),
     /// Properties with which the engine cannot simulate the robot.
     #[error("{reason}")]
     Refused {

@@ -35,9 +35,9 @@ pub use batch::Batch;
 pub use build::{BuildError, BuildWarning};
 pub use command::JointCommand;
 pub use component::{
-    ActuatorConfig, ArticulatedPhysics, Interval, MujocoPhysics, ObjectIntervals, PhysicsComponent,
-    PhysicsConfig, PhysicsEngine, PlaceIntervals, PushConfig, RandomiseConfig, RapierPhysics, RobotIntervals,
-    SpringConfig, SurfaceConfig, SurfaceIntervals, TerrainIntervals, kinds,
+    ActuatorConfig, ActuatorIntervals, ArticulatedPhysics, Interval, MujocoPhysics, ObjectIntervals,
+    PhysicsComponent, PhysicsConfig, PhysicsEngine, PlaceIntervals, PushConfig, RandomiseConfig,
+    RapierPhysics, RobotIntervals, SpringConfig, SurfaceConfig, SurfaceIntervals, TerrainIntervals, kinds,
 };
 pub use connection::{ConnectError, Connection, ConnectionKind};
 pub use error::{ResetError, StepError};

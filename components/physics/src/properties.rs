@@ -1,6 +1,6 @@
 //! Physical properties that may change from one reset to the next.
 
-use motorium_robots::{Model, Terrain, World};
+use motorium_robots::{ActuatorSettings, Appearance, Model, Terrain, World};
 
 use crate::joint::JointProperties;
 use crate::{Engine, ResetError, Simulation};
@@ -49,6 +49,8 @@ pub struct Properties {
     pub world: World,
     /// The surfaces of all colliders: those of the robot, of the objects, of the ground or the terrain.
     pub surfaces: Vec<Surface>,
+    /// The actuators of each articulation, one per joint; empty where all are ideal. Those that are ideal stay so.
+    pub actuators: Vec<Vec<Option<ActuatorSettings>>>,
 }
 
 impl<E: Engine> Simulation<E> {
@@ -59,6 +61,7 @@ impl<E: Engine> Simulation<E> {
             others: self.robot.articulations[1..].iter().map(|own| own.model.clone()).collect(),
             world: self.world.clone(),
             surfaces: self.engine.surfaces(),
+            actuators: self.engine.actuators(),
         }
     }
 
@@ -72,7 +75,43 @@ impl<E: Engine> Simulation<E> {
     ///
     /// [`ResetError`], also for the properties of another robot or world; nothing has changed then.
     pub fn reset_with(&mut self, properties: &Properties, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
-        let Properties { model, others, world, surfaces } = properties;
+        // The terrain is checked where its heights are computed: to do so twice would take long.
+        let appearance = Appearance::default();
+        let level = World { terrain: None, appearance, ..properties.world.clone() };
+        self.check_properties(properties, &level)?;
+        self.robot.check(q, v)?;
+        self.take_over(properties, &properties.world)?;
+        self.world = properties.world.clone();
+        self.engine.set_actuators(&properties.actuators)?;
+        crate::Simulator::reset(self, q, v)
+    }
+
+    /// Takes over properties in the midst of motion: gravity, and those of robots, surfaces and actuators. Objects and terrain stay as they
+    /// are. It may allocate.
+    ///
+    /// # Errors
+    ///
+    /// [`ResetError`], also for an engine that [cannot](crate::Capabilities::changes); nothing has changed then.
+    pub fn change(&mut self, properties: &Properties) -> Result<(), ResetError> {
+        if !E::CAPABILITIES.changes {
+            let reason = format!("the {} engine takes other properties at resets alone", E::NAME);
+            return Err(ResetError::Refused { reason });
+        }
+        let (objects, appearance) = (Vec::new(), Appearance::default());
+        let level = World { terrain: None, objects, appearance, ..properties.world.clone() };
+        self.check_properties(properties, &level)?;
+        let world = World { gravity: properties.world.gravity, ..self.world.clone() };
+        let state = self.engine.save();
+        self.take_over(properties, &world)?;
+        // An engine that is compiled anew has forgotten how it moves.
+        self.engine.restore(&self.robot, &state);
+        self.world = world;
+        self.engine.set_actuators(&properties.actuators)?;
+        Ok(())
+    }
+
+    fn check_properties(&self, properties: &Properties, level: &World) -> Result<(), ResetError> {
+        let Properties { model, others, world, surfaces, .. } = properties;
         let models: Vec<&Model> = core::iter::once(model).chain(others).collect();
         let articulations = &self.robot.articulations;
         let fits = models.len() == articulations.len()
@@ -82,8 +121,6 @@ impl<E: Engine> Simulation<E> {
         if !fits {
             return Err(ResetError::Properties);
         }
-        // The terrain is checked where its heights are computed: to do so twice would take long.
-        let level = World { terrain: None, ..world.clone() };
         let frames = models.iter().flat_map(|model| model.frames());
         let links = frames.map(|frame| frame.name.as_str());
         level.check(links).map_err(ResetError::World)?;
@@ -95,7 +132,14 @@ impl<E: Engine> Simulation<E> {
         if let Some(surface) = surfaces.iter().find(|surface| !sound(surface)) {
             return Err(ResetError::Surface(surface.clone()));
         }
-        self.robot.check(q, v)?;
+        Ok(())
+    }
+
+    /// Takes over the robot's properties, the gravity of `world`, and surfaces.
+    fn take_over(&mut self, properties: &Properties, world: &World) -> Result<(), ResetError> {
+        let Properties { model, others, surfaces, .. } = properties;
+        let models: Vec<&Model> = core::iter::once(model).chain(others).collect();
+        let articulations = &self.robot.articulations;
         let armature = self.options().armature;
         let joints = models.iter().flat_map(|model| JointProperties::of(model, armature)).collect();
         let of_all: Vec<Model> = articulations.iter().map(|own| own.model.clone()).collect();
@@ -105,8 +149,7 @@ impl<E: Engine> Simulation<E> {
             self.robot.set_properties(&before.0, before.1, before.2);
             return Err(refused);
         }
-        self.world = world.clone();
-        crate::Simulator::reset(self, q, v)
+        Ok(())
     }
 }
 

@@ -13,7 +13,10 @@ pub(crate) struct Rays(Vec<RayShape>);
 impl Rays {
     pub(crate) fn new(colliders: &Colliders) -> Self {
         let solids = &colliders.colliders[..colliders.model.solid_count()];
-        let shapes = solids.iter().map(|collider| RayShape::new(&collider.shape));
+        let shapes = solids.iter().map(|collider| match &collider.surface {
+            Some(surface) => RayShape::of_triangles(surface.clone()),
+            None => RayShape::new(&collider.shape),
+        });
         Self(shapes.chain(colliders.terrain.clone().map(RayShape::of_terrain)).collect())
     }
 
@@ -24,14 +27,13 @@ impl Rays {
         colliders: &'a Colliders,
         (robot, object_pose): (&Robot, impl Fn(usize) -> Isometry3<f64>),
         (origin, direction, range): (&Point3<f64>, &Unit<Vector3<f64>>, f64),
-        objects: usize,
     ) -> Option<RayHit<'a>> {
         let ray = Ray { origin: *origin, direction: *direction };
         let mut best: Option<RayHit<'a>> = None;
         for (index, (collider, shape)) in colliders.colliders.iter().zip(&self.0).enumerate() {
-            let object = index.checked_sub(colliders.first_object).filter(|object| *object < objects);
-            let pose = match (object, collider.owner) {
-                (Some(object), _) => object_pose(object),
+            let pose = match (colliders.object_of(index), collider.owner) {
+                (Some((object, None)), _) => object_pose(object),
+                (Some((object, Some(part))), _) => object_pose(object) * part,
                 (None, Owner::Base(of)) => robot.base_pose(of) * collider.placement,
                 (None, Owner::Body(of, body)) => {
                     robot.articulations[of].kinematics.body_pose(body) * collider.placement

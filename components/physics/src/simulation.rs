@@ -1,6 +1,6 @@
 //! The simulation of a robot in a world, generic over the engine that moves it.
 
-use motorium_robots::FrameId;
+use motorium_robots::{ActuatorError, ActuatorSettings, FrameId};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use crate::properties::Surface;
@@ -53,6 +53,20 @@ pub trait Engine: Sized {
         world: &World,
         surfaces: &[Surface],
     ) -> Result<(), ResetError>;
+
+    /// The settings of the actuators of each articulation, one per joint; empty where all are ideal.
+    fn actuators(&self) -> Vec<Vec<Option<ActuatorSettings>>> {
+        Vec::new()
+    }
+
+    /// Takes over settings for the actuators there are.
+    ///
+    /// # Errors
+    ///
+    /// [`ActuatorError`].
+    fn set_actuators(&mut self, _: &[Vec<Option<ActuatorSettings>>]) -> Result<(), ActuatorError> {
+        Ok(())
+    }
 
     /// Applies a force and a torque \[N, Nm, world axes\] at `point` \[m, axes of the link\] of a link during the next step, besides
     /// those applied before.

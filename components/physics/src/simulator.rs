@@ -64,6 +64,10 @@ pub struct Capabilities {
     pub conveyors: bool,
     /// Surfaces that give way, and such whose friction differs by direction.
     pub textures: bool,
+    /// [Meshes](motorium_robots::MeshCollision) of objects touch by their triangles; by convex parts they touch in every engine.
+    pub triangles: bool,
+    /// Physical [properties](crate::Properties) may change [in the midst of motion](crate::Simulation::change).
+    pub changes: bool,
     /// A choice of the method of integration.
     pub integrators: bool,
 }

@@ -41,6 +41,13 @@ impl<T: Copy> Delay<T> {
         Self { delay_ns, now_ns: 0, idle, queue }
     }
 
+    /// Sets the delay of what is sent from now on \[s\]. What arrives before something that was sent earlier overtakes it.
+    pub fn set_delay(&mut self, delay: f64) {
+        self.delay_ns = nanoseconds(delay);
+        let room = (self.delay_ns / 100_000) as usize + 3;
+        self.queue.reserve(room.saturating_sub(self.queue.len()));
+    }
+
     /// The command that acts now, when `newest` is sent now.
     pub fn acting(&self, newest: T) -> T {
         if self.delay_ns == 0 {
@@ -55,7 +62,12 @@ impl<T: Copy> Delay<T> {
         if self.delay_ns == 0 {
             return;
         }
-        self.queue.push_back((self.now_ns + self.delay_ns, newest));
+        let due = self.now_ns + self.delay_ns;
+        // After a longer delay: what would arrive later than this is overtaken.
+        while self.queue.back().is_some_and(|(other, _)| *other > due) {
+            self.queue.pop_back();
+        }
+        self.queue.push_back((due, newest));
         self.now_ns += nanoseconds(dt);
         // the one that acts stays
         while self.queue.get(1).is_some_and(|(due, _)| *due <= self.now_ns) {

@@ -211,6 +211,17 @@ impl Actuator {
         self.limit = effort_limit.abs();
     }
 
+    /// Takes over other settings; effort, heat and motor stay as they are.
+    ///
+    /// # Errors
+    ///
+    /// [`ActuatorError`]; nothing has changed then.
+    pub fn set_settings(&mut self, settings: &ActuatorSettings) -> Result<(), ActuatorError> {
+        let Self { effort, heat, motor, limit, .. } = *self;
+        *self = Self { effort, heat, motor, ..Self::new(settings, limit)? };
+        Ok(())
+    }
+
     /// Goes back to rest: no effort, cold, the motor where the joint will be.
     pub fn reset(&mut self) {
         (self.effort, self.heat, self.motor) = (0.0, 0.0, None);

@@ -21,11 +21,14 @@ mod search;
 mod shape;
 mod solid;
 mod support;
+mod tree;
+mod triangles;
 
 pub use capsule::fit_capsule;
 pub use distance::{Collisions, Proximity};
-pub use mesh::{MeshError, MeshProblem, TriangleMesh};
+pub use mesh::{MeshError, MeshProblem, TriangleMesh, VolumeProperties};
 pub use pairs::{Attachment, CollisionError, CollisionModel, CollisionOptions};
 pub use rays::{Ray, RayHit, RayScene, RayShape};
 pub use shape::ConvexShape;
 pub use solid::{MeshMode, SolidKind, SolidProblem};
+pub use triangles::{SurfaceEdge, SurfaceTriangle, TriangleSurface};

@@ -65,6 +65,13 @@ impl ConvexShape {
             Self::HalfSpace => f64::INFINITY,
         }
     }
+
+    /// The planes of the faces of a hull: the outward normal, and the height along it \[m\]. None of other shapes, or without volume.
+    pub fn faces(&self) -> Vec<(Vector3<f64>, f64)> {
+        let Self::Hull { points } = self else { return Vec::new() };
+        let planes = super::rays::planes(points).unwrap_or_default();
+        planes.into_iter().map(|(normal, height)| (normal.into(), height)).collect()
+    }
 }
 
 /// The points that are outermost towards the faces, edges and corners of a cube: at most 26.

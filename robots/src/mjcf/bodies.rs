@@ -329,7 +329,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
 }
 
 /// Name of a body; a nameless one is called by its number in the file.
-fn body_name(node: Node<'_, '_>) -> String {
+pub(super) fn body_name(node: Node<'_, '_>) -> String {
     node.attribute("name").map_or_else(
         || {
             let before = node.document().descendants().take_while(|other| *other != node);

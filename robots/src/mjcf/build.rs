@@ -20,15 +20,21 @@ use crate::{Base, Body, Coordinate, Dynamics, Frame, Model, Position, Srdf};
 /// Sections without effect on a model.
 const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
 
+/// A document, or the error of text that is no XML.
+pub(super) fn parsed<'i>(
+    document: Result<Document<'i>, roxmltree::Error>,
+) -> Result<Document<'i>, MjcfError> {
+    document.map_err(|error| {
+        let at = error.pos();
+        let message = error.to_string().replace(&format!(" at {at}"), "");
+        let at = Position { line: at.row, column: at.col };
+        MjcfError { file: None, at, problem: Box::new(MjcfProblem::Xml(message)) }
+    })
+}
+
 pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> Result<MjcfRobot, MjcfError> {
-    let document =
-        Document::parse_with_options(text, ParsingOptions { allow_dtd: true, ..Default::default() })
-            .map_err(|error| {
-                let at = error.pos();
-                let message = error.to_string().replace(&format!(" at {at}"), "");
-                let at = Position { line: at.row, column: at.col };
-                MjcfError { file: None, at, problem: Box::new(MjcfProblem::Xml(message)) }
-            })?;
+    let options_of_xml = ParsingOptions { allow_dtd: true, ..Default::default() };
+    let document = parsed(Document::parse_with_options(text, options_of_xml))?;
     let attributes = Attributes::new(&document)?;
     let root = document.root_element();
     if !root.has_tag_name("mujoco") {

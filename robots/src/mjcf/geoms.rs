@@ -20,7 +20,7 @@ use crate::{Geometry, Inertia, ShapeSource, TriangleMesh};
 const PLANE: [f64; 2] = [100.0, 1.0];
 
 /// Density where the file gives none \[kg/m3\].
-const WATER: f64 = 1000.0;
+pub(super) const WATER: f64 = 1000.0;
 
 /// The last group that MuJoCo's viewer shows unasked.
 const LAST_SEEN: f64 = 2.0;

@@ -22,10 +22,12 @@ mod masks;
 mod pose;
 mod schema;
 mod sections;
+mod world;
 
 use std::path::Path;
 
 pub use error::{MjcfError, MjcfProblem};
+pub use world::{MjcfWorld, parse_mjcf_world};
 
 use crate::{LoadOptions, Model, ModelWarning, Profile, Srdf};
 

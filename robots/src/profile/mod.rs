@@ -138,6 +138,19 @@ impl Profile {
         }
     }
 
+    /// Calls `change` with each list of one number for each joint.
+    pub(crate) fn arrays(&mut self, change: &mut dyn FnMut(&mut Vec<f64>)) {
+        self.spread();
+        let LimitArrays { velocity, acceleration, effort_rate } = &mut self.limits;
+        let limits = [velocity, acceleration, effort_rate].into_iter().flatten();
+        let gains = self.gains.iter_mut().flat_map(|GainArrays { kp, kd }| [kp, kd]);
+        for numbers in self.poses.values_mut().chain(limits).chain(gains) {
+            if let PerJoint::Each(values) = numbers {
+                change(values);
+            }
+        }
+    }
+
     /// The joints' part of the home pose, in the order of the model's joints.
     ///
     /// # Errors

@@ -26,6 +26,12 @@ pub struct BasePose {
 }
 
 impl BasePose {
+    /// That of an isometry.
+    pub fn of(pose: &Isometry3<f64>) -> Self {
+        let (roll, pitch, yaw) = pose.rotation.euler_angles();
+        Self { position: pose.translation.vector.into(), rpy: [roll, pitch, yaw] }
+    }
+
     /// The same as an isometry: the base frame in the world.
     pub fn isometry(&self) -> Isometry3<f64> {
         let ([x, y, z], [roll, pitch, yaw]) = (self.position, self.rpy);

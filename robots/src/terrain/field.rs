@@ -232,7 +232,7 @@ impl HeightField {
 }
 
 /// The point of a triangle nearest to `p`, by the regions of its corners, sides and face.
-fn nearest_on_triangle(p: V3, [a, b, c]: [V3; 3]) -> V3 {
+pub(crate) fn nearest_on_triangle(p: V3, [a, b, c]: [V3; 3]) -> V3 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {

@@ -12,6 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Softness;
+pub(crate) use field::nearest_on_triangle;
 pub use field::{HeightField, NearTriangle};
 pub use layers::TerrainLayer;
 

@@ -3,6 +3,7 @@
 mod assemble;
 mod colours;
 mod error;
+mod hold;
 mod inertia;
 mod joints;
 mod mimic;
@@ -12,6 +13,7 @@ mod source;
 mod structure;
 mod transmission;
 mod warning;
+mod write;
 
 use std::path::Path;
 
@@ -22,6 +24,7 @@ pub use error::{Position, UrdfError, UrdfProblem};
 pub use packages::PackagePath;
 pub use pinocchio::pinocchio_joint_order;
 pub use warning::ModelWarning;
+pub use write::{DrawnRobot, draw_as_urdf};
 
 use crate::{LoadOptions, Model};
 

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Copies, Grain, Softness};
+use super::{Copies, Grain, MeshShape, Softness, WorldError, positive};
 use crate::{ConvexShape, Geometry};
 
 /// A horizontal plane, solid below.
@@ -90,13 +90,17 @@ pub struct Conveyor {
 pub struct Object {
     /// Name, unique in the world; neither `ground` nor `terrain` nor that of a robot link.
     pub name: String,
-    /// Its shape, centred on its origin, of uniform density.
+    /// Its shape, centred on its origin, of uniform density. A mesh keeps the origin of its file.
     pub shape: ObjectShape,
-    /// Mass (kg). Without it the object is fixed.
+    /// Mass (kg). Without it, and without a density, the object is fixed.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub mass: Option<f64>,
-    /// Position of its centre (m).
+    /// Density (kg/m3), in place of the mass: that follows from the volume of the shape.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub density: Option<f64>,
+    /// Position of its origin (m).
     pub position: [f64; 3],
     /// Orientation: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
     #[serde(default)]
@@ -152,6 +156,7 @@ impl Default for Object {
             name: "object".to_owned(),
             shape: ObjectShape::Box { size: [0.1; 3] },
             mass: None,
+            density: None,
             position: [0.0; 3],
             rpy: [0.0; 3],
             friction: DEFAULT_FRICTION,
@@ -168,7 +173,7 @@ impl Default for Object {
 }
 
 /// Shapes of objects.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ObjectShape {
     /// A box.
@@ -195,6 +200,19 @@ pub enum ObjectShape {
         /// Length of the cylinder, between the centres of the spheres (m).
         length: f64,
     },
+    /// A mesh.
+    Mesh(MeshShape),
+}
+
+/// Mass properties of an object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObjectMass {
+    /// Mass \[kg\].
+    pub mass: f64,
+    /// The frame of its principal axes of inertia at its centre of mass, in the object; `None` where that is the object's own.
+    pub frame: Option<Isometry3<f64>>,
+    /// Principal moments of inertia about the centre of mass \[kg m2\].
+    pub moments: Vector3<f64>,
 }
 
 impl Object {
@@ -209,12 +227,48 @@ impl Object {
 
     /// True when it has a mass, and so moves.
     pub fn is_dynamic(&self) -> bool {
-        self.mass.is_some()
+        self.mass.is_some() || self.density.is_some()
+    }
+
+    /// Mass and inertia of an object that moves; `None` for one that is fixed, or whose mesh cannot be read.
+    ///
+    /// ```
+    /// use motorium_robots::{Object, ObjectShape};
+    ///
+    /// let cube = Object { shape: ObjectShape::Box { size: [0.1; 3] }, density: Some(1000.0), ..Object::default() };
+    /// assert!((cube.mass_properties().unwrap().mass - 1.0).abs() < 1e-12);
+    /// ```
+    pub fn mass_properties(&self) -> Option<ObjectMass> {
+        let mass = || self.mass.or_else(|| Some(self.density? * self.shape.volume()?));
+        match &self.shape {
+            ObjectShape::Mesh(mesh) => {
+                let properties = mesh.body().ok()?.properties?;
+                let (frame, moments) = properties.principal();
+                let mass = mass()?;
+                Some(ObjectMass { mass, frame: Some(frame), moments: moments * mass })
+            }
+            shape => {
+                let mass = mass()?;
+                Some(ObjectMass { mass, frame: None, moments: shape.principal_inertia(mass) })
+            }
+        }
     }
 }
 
 impl ObjectShape {
-    /// Principal moments of inertia of `mass` \[kg\] spread evenly over the shape, about its centre \[kg m2\].
+    /// Volume \[m3\]; `None` for a mesh that has none or cannot be read.
+    pub fn volume(&self) -> Option<f64> {
+        use core::f64::consts::PI;
+        Some(match self {
+            Self::Box { size: [x, y, z] } => x * y * z,
+            Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
+            Self::Cylinder { radius, length } => PI * radius * radius * length,
+            Self::Capsule { radius, length } => PI * radius * radius * (length + 4.0 / 3.0 * radius),
+            Self::Mesh(mesh) => mesh.body().ok()?.properties?.volume,
+        })
+    }
+
+    /// Principal moments of inertia of `mass` \[kg\] spread evenly over the shape, about its centre of mass \[kg m2\].
     pub fn principal_inertia(&self, mass: f64) -> Vector3<f64> {
         match *self {
             Self::Box { size: [x, y, z] } => {
@@ -234,36 +288,68 @@ impl ObjectShape {
                     + ends * (0.4 * squared + 0.25 * length * length + 0.375 * length * radius);
                 Vector3::new(across, across, (0.5 * rod + 0.4 * ends) * squared)
             }
+            Self::Mesh(ref mesh) => {
+                let properties = mesh.body().ok().and_then(|body| body.properties);
+                properties.map_or(Vector3::repeat(f64::NAN), |properties| properties.principal().1 * mass)
+            }
         }
     }
 
-    /// The shape as that of a collision model.
-    pub fn geometry(&self) -> Geometry {
-        match *self {
+    /// The shapes of a collision model by which it touches, each about the origin of the object; none for a mesh that cannot be read.
+    pub fn geometries(&self) -> Vec<Geometry> {
+        let simple = match *self {
             Self::Box { size } => Geometry::Box { size: Vector3::from(size) },
             Self::Sphere { radius } => Geometry::Sphere { radius },
             Self::Cylinder { radius, length } => Geometry::Cylinder { radius, length },
             Self::Capsule { radius, length } => Geometry::Capsule { radius, length },
-        }
+            Self::Mesh(ref mesh) => {
+                let name = mesh.file.display().to_string();
+                return mesh.body().map(|body| body.geometries(&name)).unwrap_or_default();
+            }
+        };
+        vec![simple]
     }
 
-    /// The shape as a convex one.
+    /// The shape as a convex one: of a mesh, its convex hull.
     pub fn convex_shape(&self) -> ConvexShape {
         match *self {
             Self::Box { size } => ConvexShape::Box { half: Vector3::from(size) * 0.5 },
             Self::Sphere { radius } => ConvexShape::Sphere { radius },
             Self::Cylinder { radius, length } => ConvexShape::Cylinder { radius, half_length: 0.5 * length },
             Self::Capsule { radius, length } => ConvexShape::Capsule { radius, half_length: 0.5 * length },
+            Self::Mesh(ref mesh) => {
+                let hull = mesh.body().ok().and_then(|body| body.mesh.hull(usize::MAX));
+                ConvexShape::Hull { points: hull.map(|hull| hull.points).unwrap_or_default() }
+            }
         }
     }
 
-    pub(super) fn dimensions(&self) -> [(&'static str, f64); 3] {
-        match *self {
+    /// The shape as a geometry: of a mesh, the mesh.
+    pub fn geometry(&self) -> Geometry {
+        let whole = |mesh: &MeshShape| {
+            let body = mesh.body().ok();
+            Geometry::Mesh {
+                uri: mesh.file.display().to_string(),
+                path: Some(mesh.file.clone()),
+                inline: body.map(|body| std::sync::Arc::new(body.mesh.clone())),
+                scale: Vector3::repeat(1.0),
+            }
+        };
+        match self {
+            Self::Mesh(mesh) => whole(mesh),
+            simple => simple.geometries().remove(0),
+        }
+    }
+
+    pub(super) fn check(&self, owner: &str, moves: bool) -> Result<(), WorldError> {
+        let dimensions = match *self {
             Self::Box { size: [x, y, z] } => [("size", x), ("size", y), ("size", z)],
             Self::Sphere { radius } => [("radius", radius); 3],
             Self::Cylinder { radius, length } | Self::Capsule { radius, length } => {
                 [("radius", radius), ("length", length), ("length", length)]
             }
-        }
+            Self::Mesh(ref mesh) => return mesh.check(owner, moves),
+        };
+        dimensions.into_iter().try_for_each(|(field, value)| positive(owner, field, value))
     }
 }

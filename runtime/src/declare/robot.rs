@@ -21,7 +21,7 @@ pub struct BasePose {
 pub struct RobotReference {
     /// Its name in the graph file.
     pub name: String,
-    /// The value of `urdf` in the graph file: a catalogue name, a folder or a URDF file.
+    /// The value of `urdf` or `mjcf` in the graph file: a catalogue name, a folder or a file.
     pub urdf: String,
     /// Folder against which a relative path is resolved: that of the graph file.
     pub base: PathBuf,
@@ -34,8 +34,8 @@ pub struct RobotReference {
     /// Folders in which the packages of its files are searched first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub package_path: Vec<PathBuf>,
-    /// The keys `frame`, `start` and `gains` of the graph file, which replace those of its profile, as a table; `None`
-    /// where it has none of them.
+    /// The keys `joints`, `fixed`, `frame`, `start` and `gains` of the graph file, and `mjcf` true where its model has that key, as a
+    /// table; `None` where it has none of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub settings: Option<serde_json::Value>,
 }

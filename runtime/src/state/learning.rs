@@ -124,7 +124,7 @@ impl Reward {
 }
 
 counted_buffer! {
-    /// The properties that a simulation or a sensor drew for an episode, each with the part that it belongs to.
+    /// The properties that a simulation or a sensor drew for an episode, or anew within it, each with the part that it belongs to.
     ///
     /// ```
     /// use motorium::state::Randomisation;
@@ -207,6 +207,20 @@ impl Randomisation {
     pub const TERRAIN_SEED: u32 = 25;
     /// Factor of the heights of the terrain.
     pub const TERRAIN_SCALE: u32 = 26;
+    /// Factor of the stiffness and the damping that a drive is commanded, of a joint.
+    pub const ACTUATOR_GAIN: u32 = 27;
+    /// Factor of all efforts that a drive gives, of a joint.
+    pub const ACTUATOR_STRENGTH: u32 = 28;
+    /// Factor of the delay of an actuator, of a joint.
+    pub const ACTUATOR_DELAY: u32 = 29;
+    /// Factor of the lag of an actuator, of a joint.
+    pub const ACTUATOR_LAG: u32 = 30;
+    /// Factor of the largest rate of the effort of an actuator, of a joint.
+    pub const ACTUATOR_RATE_LIMIT: u32 = 31;
+    /// Factor of the backlash of a drivetrain, of a joint.
+    pub const ACTUATOR_BACKLASH: u32 = 32;
+    /// Factor of the stiffness of a drivetrain, of a joint.
+    pub const ACTUATOR_STIFFNESS: u32 = 33;
 
     /// The part of a property of the base of a robot.
     pub const BASE: u32 = u32::MAX;

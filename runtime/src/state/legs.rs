@@ -40,6 +40,10 @@ counted_buffer! {
     /// assert_eq!(schedule.load(), [1.0, 0.0]); // it stands on the first foot
     /// ```
     pub struct ContactSchedule as "motorium.ContactSchedule", at most MAX_FEET {
+        plain {
+            /// Normal of the ground under the feet, of any length, axes of the world; zero for straight up.
+            ground_normal: [f64; 3];
+        }
         counted {
             /// Share of its load that the foot may carry, from 0, lifted, to 1.
             load, load_mut: f64;

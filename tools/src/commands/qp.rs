@@ -11,6 +11,7 @@ use motorium_control::solver::{
 use motorium_recordings::read_bounded;
 
 use crate::out::outln;
+use crate::report::decimal;
 
 /// Longest file that is read.
 const LONGEST: u64 = 256 << 20;
@@ -106,8 +107,8 @@ fn read(path: &Path) -> anyhow::Result<(Structure, Vec<motorium_control::solver:
 
 fn print(replay: &Replay, each: bool) {
     outln!("{} of {} problems solved", replay.solved, replay.problems);
-    outln!("largest violation of a constraint   {:.1e}", replay.worst_violation);
-    outln!("largest distance from the reference {:.1e}", replay.worst_distance);
+    outln!("largest violation of a constraint   {}", decimal(replay.worst_violation));
+    outln!("largest distance from the reference {}", decimal(replay.worst_distance));
     let row = |name: &str, Record { p50, p99, max }: Record, digits: usize| {
         outln!("{name:12} p50 {p50:.digits$}, p99 {p99:.digits$}, max {max:.digits$}");
     };

@@ -63,6 +63,7 @@ impl Origin {
             LoadError::Setting(_) => Self { invalid: true, ..Self::default() },
             LoadError::NoUrdf(folder) | LoadError::SeveralUrdf { folder, .. } => Self::file(folder),
             LoadError::Read { path, .. } => Self::file(path),
+            LoadError::NotMjcf(path) => Self { invalid: true, ..Self::file(path) },
             LoadError::NotText { path, at, byte } => Self {
                 invalid: true,
                 line: Some(at.line as usize),

@@ -34,6 +34,14 @@ fn a_graph_with_a_mistake_is_refused_with_the_value_and_what_to_try() {
         // A frame that does not exist, and one that no joint moves.
         ("policy.config.frame=panda_hnad", &["did you mean \"panda_hand\"?"]),
         ("policy.config.frame=panda_link0", &["no joint moves it", "panda_hand_tcp"]),
+        // Joints that do not exist, and one that is to move and to be held.
+        (
+            "robot.panda.joints=[\"panda_joint11\"]",
+            &["no joint `panda_joint11`", "did you mean `panda_joint1`?"],
+        ),
+        ("robot.panda.fixed={panda_finger_joint1=0.5}", &["held at 0.5, outside its limits 0 to 0.04"]),
+        // A model that is in no MJCF file, and two models.
+        ("robot.panda.mjcf=\"panda\"", &["robot `panda` has two models", "keep one of `urdf` and `mjcf`"]),
         // No unit, and a wrong one.
         ("policy.config.goals=[{offset=[0.1,0.0,0.0],duration=1}]", &["expected a time with its unit"]),
         (

@@ -1,5 +1,6 @@
 //! Files that viewers ask for: the meshes of robots.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use motorium_robots::PackagePath;
@@ -16,6 +17,8 @@ pub(crate) struct Assets {
     packages: PackagePath,
     /// Files of the robots, beside which others are found.
     robots: Vec<PathBuf>,
+    /// What has no file, by its name.
+    texts: BTreeMap<String, String>,
 }
 
 /// A file that is not sent.
@@ -39,15 +42,18 @@ fn searched(tried: &[PathBuf]) -> String {
 }
 
 impl Assets {
-    /// Assets of robots with these folders of packages, beside those of the environment, and these files.
-    pub(crate) fn new(packages: Vec<PathBuf>, robots: Vec<PathBuf>) -> Self {
+    /// Assets of robots with these folders of packages, beside those of the environment, these files, and these texts by their names.
+    pub(crate) fn new(packages: Vec<PathBuf>, robots: Vec<PathBuf>, texts: BTreeMap<String, String>) -> Self {
         let mut path = PackagePath::from_env();
         path.folders.splice(0..0, packages);
-        Self { packages: path, robots }
+        Self { packages: path, robots, texts }
     }
 
     /// The content of a file.
     pub(crate) fn fetch(&self, uri: &str) -> Result<Vec<u8>, AssetError> {
+        if let Some(text) = self.texts.get(uri) {
+            return Ok(text.clone().into_bytes());
+        }
         let kind = Path::new(uri).extension().and_then(|kind| kind.to_str()).unwrap_or_default();
         if !KINDS.contains(&kind.to_ascii_lowercase().as_str()) {
             return Err(AssetError::Kind { uri: uri.to_string() });
@@ -101,7 +107,8 @@ mod tests {
         }
         std::fs::write(folder.path().join("outside.stl"), "no").unwrap();
         let file = folder.path().join("packages/arm/urdf/arm.urdf");
-        let assets = Assets { packages: PackagePath::default(), robots: vec![file] };
+        let texts = BTreeMap::from([("package://arm/0.obj".to_string(), "v 0 0 0".to_string())]);
+        let assets = Assets { packages: PackagePath::default(), robots: vec![file], texts };
         (folder, assets)
     }
 
@@ -111,6 +118,7 @@ mod tests {
         for uri in ["package://arm/meshes/hand.stl", "../meshes/hand.stl"] {
             assert_eq!(assets.fetch(uri).unwrap(), b"solid", "{uri}");
         }
+        assert_eq!(assets.fetch("package://arm/0.obj").unwrap(), b"v 0 0 0", "one without a file");
     }
 
     #[test]

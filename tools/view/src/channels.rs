@@ -9,6 +9,7 @@ use motorium::schedule::Overheads;
 use motorium::state::Stamp;
 use motorium_bridges::foxglove::{Channel, channels, descriptions};
 
+use crate::assets::Assets;
 use crate::server::Server;
 use crate::{graph, world};
 
@@ -35,7 +36,9 @@ impl Channels {
         let robots = graph::robots(plan);
         let packages = robots.iter().flat_map(|robot| robot.package_path.iter().cloned()).collect();
         let files = robots.iter().filter_map(|robot| graph::file_of(robot)).collect();
-        server.begin_session(id, packages, files);
+        let described = descriptions(plan);
+        let meshes = described.iter().flat_map(|description| description.meshes.iter().cloned()).collect();
+        server.begin_session(id, Assets::new(packages, files, meshes));
         let mut topics = Vec::new();
         for index in 0..plan.topics.len() {
             let of_topic = if served(index) { channels(plan, index)? } else { Vec::new() };
@@ -51,7 +54,7 @@ impl Channels {
             channel.log(&message);
             latched.insert(channel.topic().to_string(), (channel, message));
         };
-        for description in descriptions(plan) {
+        for description in described {
             let text = serde_json::json!({ "data": description.text }).to_string();
             keep(server.json_channel(&description.topic, "std_msgs/String", TEXT)?, text.into_bytes());
         }

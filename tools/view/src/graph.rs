@@ -131,7 +131,6 @@ fn drawn(plan: &Plan) -> Vec<Json> {
         json!({
             "name": robot.robot,
             "description": robot.topic,
-            "is_urdf": robot.is_urdf,
             "frame_prefix": robot.frame_prefix,
             "state": joints,
             "joints": joints.map(|topic| format!("{topic}/joints")),

@@ -1,7 +1,6 @@
 //! The server of Foxglove's WebSocket protocol, and the channels that it advertises.
 
 use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::{Arc, RwLock};
 
 use anyhow::Context as _;
@@ -63,10 +62,9 @@ impl Server {
 
     /// Tells viewers that another run begins: they forget what they have seen of the one before. Its channels are advertised
     /// after this.
-    pub(crate) fn begin_session(&self, run: &str, packages: Vec<PathBuf>, files: Vec<PathBuf>) {
+    pub(crate) fn begin_session(&self, run: &str, assets: Assets) {
         self.handle.clear_session(Some(run.to_string()));
-        *self.assets.write().unwrap_or_else(std::sync::PoisonError::into_inner) =
-            Assets::new(packages, files);
+        *self.assets.write().unwrap_or_else(std::sync::PoisonError::into_inner) = assets;
     }
 
     /// Advertises a channel.

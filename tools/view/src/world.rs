@@ -29,7 +29,7 @@ pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     let mut simulated = plan.components.iter().filter(|component| component.config["world"].is_object());
     let world = simulated.find_map(|component| {
         let mut world = World::deserialize(&component.config["world"]).ok()?;
-        world.locate(&component.folder);
+        world.locate(&component.folder).ok()?;
         Some(world)
     })?;
     let told = plan.topics.iter().any(|topic| topic.layout.type_name == ObjectPoses::NAME);
@@ -96,7 +96,7 @@ fn terrain(field: &HeightField, colour: Option<&Colour>) -> SceneEntity {
 
 /// An object, in the colour that the world gives it.
 fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
-    let moves = object.mass.is_some();
+    let moves = object.is_dynamic();
     let of_its_own = moves && told;
     let (position, rpy) = if of_its_own { ([0.0; 3], [0.0; 3]) } else { (object.position, object.rpy) };
     let pose = pose(position, rpy);
@@ -126,6 +126,13 @@ fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
             }
             entity.cylinders.push(CylinderPrimitive { pose, size, bottom_scale, top_scale, color });
         }
+        // A file may have gone since the graph began.
+        ObjectShape::Mesh(ref mesh) => entity.triangles.extend(mesh.body().ok().map(|body| {
+            let corners = body.visual.triangles().iter().flat_map(|triangle| triangle.corners);
+            let points: Vec<Point3> = corners.map(|at| Point3 { x: at.x, y: at.y, z: at.z }).collect();
+            let indices = (0..points.len() as u32).collect();
+            TriangleListPrimitive { pose, points, color, colors: Vec::new(), indices }
+        })),
     }
     entity
 }

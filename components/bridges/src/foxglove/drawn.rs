@@ -255,9 +255,18 @@ fn first_state(plan: &Plan, index: usize) -> Option<usize> {
 /// Names of the objects of the world of the component that writes their poses.
 fn object_names(plan: &Plan, writer: usize) -> Vec<String> {
     // Other keys are those of the component that simulates it.
-    let objects = plan.components.get(writer).map(|component| &component.config["world"]["objects"]);
-    let world =
-        objects.and_then(|objects| World::deserialize(serde_json::json!({ "objects": objects })).ok());
+    let world = plan.components.get(writer).and_then(|component| {
+        let told = &component.config["world"];
+        let mut keys = serde_json::Map::new();
+        for key in ["objects", "file"] {
+            if let Some(value) = told.get(key).filter(|value| !value.is_null()) {
+                keys.insert(key.to_string(), value.clone());
+            }
+        }
+        let mut world = World::deserialize(serde_json::Value::Object(keys)).ok()?;
+        world.locate(&component.folder).ok()?;
+        Some(world)
+    });
     world.unwrap_or_default().objects.into_iter().map(|object| object.name).collect()
 }
 

@@ -20,10 +20,12 @@ pub struct Description {
     pub robot: String,
     /// Topic of the description: `/robot_description`, of one of several robots `/ROBOT/robot_description`.
     pub topic: String,
-    /// The text of its file.
+    /// The robot as URDF: the text of its file, or one written for a robot of MJCF.
     pub text: String,
-    /// True if the text is URDF, false if it is MJCF.
-    pub is_urdf: bool,
+    /// The text of its file, where that is MJCF.
+    pub mjcf: Option<String>,
+    /// Meshes that have no file: the names that the text gives them, and their Wavefront OBJ texts.
+    pub meshes: Vec<(String, String)>,
     /// Prefix of the names of its links in [`FrameTransforms`]: nothing, of one of several robots `ROBOT/`.
     pub frame_prefix: String,
 }
@@ -81,12 +83,15 @@ pub fn descriptions(plan: &Plan) -> Vec<Description> {
     let robots = robots(plan);
     let alone = robots.len() == 1;
     let describe = |robot: &&RobotReference| {
-        let text = load(robot).ok()?.text().ok()??;
-        let is_urdf = !text.contains("<mujoco");
+        let loaded = load(robot).ok()?;
+        let drawn = loaded.drawn().ok()??;
+        let mjcf = if loaded.is_mjcf().ok()? { loaded.text().ok()? } else { None };
+        let meshes = drawn.meshes.iter().map(|(name, mesh)| (name.clone(), mesh.to_obj())).collect();
+        let text = drawn.text;
         let name = &robot.name;
         let topic =
             if alone { "/robot_description".to_string() } else { format!("/{name}/robot_description") };
-        Some(Description { robot: name.clone(), topic, text, is_urdf, frame_prefix: prefix(plan, name) })
+        Some(Description { robot: name.clone(), topic, text, mjcf, meshes, frame_prefix: prefix(plan, name) })
     };
     robots.iter().filter_map(describe).collect()
 }

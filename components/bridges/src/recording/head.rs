@@ -38,10 +38,12 @@ pub(super) fn head(
         writer.attach(name, "application/octet-stream", content, start_ns)?;
     }
     for description in descriptions(plan) {
-        let (ending, media_type) =
-            if description.is_urdf { ("urdf", "application/xml") } else { ("mjcf.xml", "application/xml") };
-        let name = format!("{}.{ending}", description.robot);
-        writer.attach(&name, media_type, description.text.as_bytes(), start_ns)?;
+        let texts = [("urdf", Some(&description.text)), ("mjcf.xml", description.mjcf.as_ref())];
+        for (ending, text) in texts {
+            let Some(text) = text else { continue };
+            let name = format!("{}.{ending}", description.robot);
+            writer.attach(&name, "application/xml", text.as_bytes(), start_ns)?;
+        }
         let id = writer.channel(&description.topic, &description.schema(), &BTreeMap::new())?;
         writer.message(id, 1, (start_ns, start_ns), &description.encode())?;
     }

@@ -21,7 +21,10 @@ pub use centre_of_mass_limit::CentreOfMassLimitConfig;
 pub use collision_limits::{AllObjects, CollisionConfig, LevelGround, OfWorld, WorldObjects};
 pub use config::{Feedback, LevelConfig, LimitsConfig, QpControllerConfig};
 pub use frame_limits::FrameLimitConfig;
-pub use mpc::{GaitConfig, HorizonConfig, MpcConfig, MpcPlanner, WeightsConfig};
+pub use mpc::{
+    FittedConfig, GaitConfig, GroundConfig, HorizonConfig, LandingConfig, MpcConfig, MpcPlanner,
+    WeightsConfig,
+};
 pub use multirotor::{MultirotorConfig, MultirotorController};
 pub use support_limits::{SupportConfig, SupportedPoint};
 pub use tasks::*;
@@ -68,7 +71,7 @@ impl Component for QpController {
             ConfigError::new("the component names no robot to control")
                 .advise("add `robot = \"NAME\"` to the component")
         })?;
-        let parts = ControllerSetup::new(config, robot)?;
+        let parts = ControllerSetup::new(config, robot, declare.folder())?;
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
         if parts.model.base().floating {
             declare.input::<BaseState>("base_state", "measured or estimated pose and velocity of the base");
@@ -87,14 +90,11 @@ impl Component for QpController {
         }
         declare.float("kp_scale", 1.0, 0.0..=2.0, "", "factor of kp of all joints");
         declare.float("kd_scale", 1.0, 0.0..=2.0, "", "factor of kd of all joints");
-        let fraction = config.limits.velocity.fraction;
-        declare.float(
-            "velocity_fraction",
-            fraction,
-            0.0..=1.0,
-            "",
-            "fraction of the velocity limits that is used",
-        );
+        if parts.limits_velocities() {
+            let (fraction, doc) =
+                (config.limits.velocity.fraction, "fraction of the velocity limits that is used");
+            declare.float("velocity_fraction", fraction, 0.0..=1.0, "", doc);
+        }
         if let Some(dynamics) = &config.inverse_dynamics {
             TorqueController::declare(dynamics, &parts, declare)?;
         }

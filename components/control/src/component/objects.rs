@@ -2,7 +2,7 @@
 
 use motorium::prelude::*;
 use motorium::state::ObjectPoses;
-use motorium_robots::{Object, World};
+use motorium_robots::Object;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use super::config::QpControllerConfig;
@@ -38,11 +38,11 @@ impl MovingObjects {
         setup: &mut Setup,
     ) -> Result<Self, ConfigureError> {
         let input = if Self::are_needed(config, parts) { Some(setup.input(INPUT)?) } else { None };
-        Ok(Self { input, starts: config.world.objects.iter().map(Object::pose).collect() })
+        Ok(Self { input, starts: parts.world.objects.iter().map(Object::pose).collect() })
     }
 
     fn are_needed(config: &QpControllerConfig, parts: &ControllerSetup) -> bool {
-        let world: &World = &config.world;
+        let world = &parts.world;
         config.limits.collision.as_ref().is_some_and(|collision| collision.has_moving_objects(world))
             || parts.tasks(0.0).any(|(_, task)| task.has_moving_objects(world))
     }

@@ -1,5 +1,7 @@
 //! The checked parts of a controller that need no topic. Every mistake is named by its key.
 
+use std::path::Path;
+
 use motorium::prelude::*;
 use motorium_robots::{Gains, Loaded, Model, PerJoint, Profile, World};
 use nalgebra::{DVector, Vector3};
@@ -9,8 +11,11 @@ use super::config::{LevelConfig, QpControllerConfig};
 use super::measured::load_robot;
 use super::objects;
 use super::support_limits::HeldSupport;
-use super::tasks::{CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskHead, TaskKind, TaskPlace};
-use crate::{FeedForward, check_gains, inverse_dynamics::Contact, limits::RowLimit};
+use super::tasks::{
+    ActsOn, CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskHead, TaskKind, TaskPlace,
+};
+use crate::inverse_dynamics::{Contact, Unknowns};
+use crate::{FeedForward, check_gains, limits::RowLimit};
 
 /// Time constant of the acceleration that is fed forward, s.
 const ACCELERATION_SMOOTHING: f64 = 0.004;
@@ -26,8 +31,10 @@ pub(super) struct ControllerSetup {
     pub(super) model: Model,
     pub(super) profile: Option<Profile>,
     torque: bool,
+    unknowns: Unknowns,
     gravity: Vector3<f64>,
-    world: World,
+    /// The world with the things of its file.
+    pub(super) world: World,
     contacts: Vec<Contact>,
     tasks: Vec<TaskConfig>,
     pub(super) gains: Gains,
@@ -35,8 +42,12 @@ pub(super) struct ControllerSetup {
 }
 
 impl ControllerSetup {
-    /// Loads the robot and checks everything but the tasks' own tables.
-    pub(super) fn new(config: &QpControllerConfig, robot: &RobotReference) -> Result<Self, ConfigError> {
+    /// Loads the robot and checks everything but the tasks' own tables. Paths of the world begin at `folder`.
+    pub(super) fn new(
+        config: &QpControllerConfig,
+        robot: &RobotReference,
+        folder: &Path,
+    ) -> Result<Self, ConfigError> {
         let Loaded { model, profile, .. } = load_robot(robot)?;
         if model.base().floating && config.inverse_dynamics.is_none() {
             let message = format!(
@@ -52,8 +63,9 @@ impl ControllerSetup {
             return Err(ConfigError::key("robot", format!("{joints} joints, at most {MAX_JOINTS} fit")));
         }
         check_numbers(config)?;
-        if config.inverse_dynamics.is_some() {
+        if let Some(table) = &config.inverse_dynamics {
             refuse_velocity_keys(config)?;
+            table.refuse_unused_limits(&config.limits)?;
         }
         let gains = gains(config, &model, profile.as_ref())?;
         let gravity = config.gravity_compensation.then(|| Vector3::from(config.gravity));
@@ -64,15 +76,29 @@ impl ControllerSetup {
         };
         let tasks = if config.tasks.is_empty() { default_tasks() } else { config.tasks.clone() };
         let torque = config.inverse_dynamics.is_some();
+        let unknowns = config.inverse_dynamics.as_ref().map_or(Unknowns::default(), |table| table.unknowns);
         let contacts = match &config.inverse_dynamics {
             Some(dynamics) => dynamics.contacts(&model, profile.as_ref())?,
             None => Vec::new(),
         };
-        let (gravity, world) = (config.gravity.into(), config.world.clone());
-        let setup = Self { model, profile, torque, gravity, world, contacts, tasks, gains, feed_forward };
+        let (gravity, mut world) = (config.gravity.into(), config.world.clone());
+        // what its file leaves out the simulation of the world tells
+        world.locate(folder).map_err(|error| ConfigError::key("world", error.to_string()))?;
+        let setup =
+            Self { model, profile, torque, unknowns, gravity, world, contacts, tasks, gains, feed_forward };
+        if unknowns == Unknowns::Forces && setup.contacts.is_empty() {
+            let message = "`forces` of a robot without a contact";
+            return Err(ConfigError::key("inverse_dynamics.unknowns", message)
+                .advise("add `contacts`, or choose unknowns = \"accelerations\""));
+        }
         setup.check_tasks()?;
         setup.level_damping(config)?;
         Ok(setup)
+    }
+
+    /// True if its parameter `velocity_fraction` has an effect: forces alone move no joint.
+    pub(super) fn limits_velocities(&self) -> bool {
+        self.unknowns != Unknowns::Forces
     }
 
     /// The tasks with their places, for a controller that steps every `period` seconds.
@@ -154,7 +180,7 @@ impl ControllerSetup {
         let own = ["joint_state", "base_state", objects::INPUT];
         let (mut names, mut targets) = (Vec::new(), own.to_vec());
         for (place, kind) in self.tasks(0.0) {
-            let TaskHead { name, level, target, wrench, formulations } = kind.head();
+            let TaskHead { name, level, target, wrench, formulations, acts_on } = kind.head();
             if !is_name(name) || names.contains(&name) {
                 let message = format!("task name `{name}` is used twice or is no name");
                 return Err(ConfigError::key("tasks", message)
@@ -173,6 +199,16 @@ impl ControllerSetup {
             {
                 let message = format!("task `{name}` has no form for torques");
                 return Err(ConfigError::key(&place.path, message).advise(instead));
+            }
+            let unused = match (self.unknowns, acts_on) {
+                (Unknowns::Accelerations, ActsOn::Forces) => Some(("forces", "accelerations")),
+                (Unknowns::Forces, ActsOn::Joints) => Some(("motions of the joints", "contact forces")),
+                _ => None,
+            };
+            if let Some((what, unknowns)) = unused {
+                let message = format!("task `{name}` is about {what}, where {unknowns} alone are decided");
+                return Err(ConfigError::key(&place.path, message)
+                    .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\""));
             }
             for (key, input) in [("target", target), ("wrench", wrench)] {
                 let Some(input) = input else { continue };

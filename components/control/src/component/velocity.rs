@@ -67,7 +67,7 @@ pub(super) struct VelocityController {
 impl VelocityController {
     pub(super) fn configure(config: QpControllerConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let parts = ControllerSetup::new(&config, &robot)?;
+        let parts = ControllerSetup::new(&config, &robot, setup.folder())?;
         let mut tasks = parts
             .tasks(setup.period().as_secs_f64())
             .map(|(place, task)| {

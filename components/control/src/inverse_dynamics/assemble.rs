@@ -1,7 +1,7 @@
 //! The constraints of one tick.
 
 use super::control::InverseDynamics;
-use super::{FrictionModel, MotionState};
+use super::{FrictionModel, MotionState, Unknowns};
 
 impl InverseDynamics {
     /// Writes equations of motion, contacts and limits at this state into the problem.
@@ -31,6 +31,7 @@ impl InverseDynamics {
             &mut self.problem.lower.as_mut_slice()[first..end],
             &mut self.problem.upper.as_mut_slice()[first..end],
         );
+        self.leave_out();
     }
 
     /// The rows of the equation of motion: those of the base as equalities, those of the joints within the torque limits.
@@ -111,7 +112,9 @@ impl InverseDynamics {
                 {
                     problem.row_matrix[(row + face, first + axis)] = sign;
                     problem.row_matrix[(row + face, first + 2)] = -friction;
-                    let bounds = place.active && settings.friction_model == FrictionModel::Pyramid;
+                    let faces = settings.friction_model == FrictionModel::Pyramid
+                        || settings.unknowns == Unknowns::Accelerations;
+                    let bounds = place.active && faces;
                     problem.row_upper[row + face] = if bounds { 0.0 } else { f64::INFINITY };
                 }
                 let most = if place.active { f64::INFINITY } else { 0.0 };

@@ -79,7 +79,8 @@ impl ConeLevel {
         }
         let mut problem = Problem::new(&wide);
         problem.equality_matrix.view_mut((0, 0), (n, n)).fill_with_identity();
-        let solver = ClarabelSolver::with_cones(wide, friction_cones(order), ClarabelSettings::default());
+        let cones = friction_cones(order, order.velocities);
+        let solver = ClarabelSolver::with_cones(wide, cones, ClarabelSettings::default());
         Self { problem, solver, product: DVector::zeros(n), slope: DVector::zeros(n) }
     }
 

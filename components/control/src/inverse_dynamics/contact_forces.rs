@@ -64,6 +64,11 @@ impl InverseDynamics {
         self.contacts[contact].contact.max_force = force;
     }
 
+    /// Sets the normal of the world's surface at a contact, of unit length, from the next [`begin`](Self::begin) on. A sole has that of its frame.
+    pub fn set_normal(&mut self, contact: usize, normal: Vector3<f64>) {
+        self.contacts[contact].contact.normal = normal;
+    }
+
     /// Sets the friction of a contact from the next [`begin`](Self::begin) on.
     pub fn set_friction(&mut self, contact: usize, friction: f64) {
         self.contacts[contact].contact.friction = friction;

@@ -8,7 +8,10 @@ use super::contact::{Contact, ContactPlace, ContactShape};
 use super::limits::{DynamicsRows, Predicted};
 use super::mixture::Mixture;
 use super::names::{Conflicting, Order};
-use super::outcome::{FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution};
+use super::outcome::{
+    FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Unknowns,
+};
+use super::reduced::Reduced;
 use super::relaxed::Relaxed;
 use super::solver::FirstLevel;
 use super::tasks::AccelerationTask;
@@ -31,6 +34,7 @@ pub struct InverseDynamics {
     pub(super) problem: Problem,
     structure: Structure,
     solver: FirstLevel,
+    pub(super) reduced: Option<Reduced>,
     relaxed: Option<Relaxed>,
     pub(super) below: Option<Below>,
     /// The robot of the next tick, where there are limits of velocities.
@@ -89,12 +93,17 @@ impl InverseDynamics {
         let order = Order { base, velocities: nv, joints, motions, points, constrained, wrenches, limits };
         let mut structure =
             Structure::new(order.variables()).equalities(order.equalities()).rows(joints, Sides::Both);
-        let cones = settings.friction_model == FrictionModel::Cone;
+        let cones = has_cones(&settings);
         structure = structure.rows(4 * order.points.len(), FirstLevel::faces(cones));
         structure = structure.rows(order.wrenches.len() + order.limits, Sides::Both);
         for variable in order.base..order.variables() {
             structure = structure.bound(variable, Sides::Both);
         }
+        let (reduced, solved) = match Reduced::new(&order, &settings, cones) {
+            Some((reduced, structure)) => (Some(reduced), structure),
+            None => (None, structure.clone()),
+        };
+        let forces = if reduced.is_some() { 0 } else { order.velocities };
         Self {
             relaxed: settings.relaxation.map(|weight| Relaxed::new(&order, weight)),
             torque_limit: model.effort_limit() * settings.torque_fraction,
@@ -102,12 +111,12 @@ impl InverseDynamics {
             mass: DMatrix::zeros(nv, nv),
             bias: DVector::zeros(nv),
             problem: Problem::new(&structure),
-            structure: structure.clone(),
-            solver: if cones {
-                FirstLevel::cones(structure, &order)
-            } else {
-                FirstLevel::pyramids(structure)
+            structure,
+            solver: match cones {
+                true => FirstLevel::cones(solved, &order, forces),
+                false => FirstLevel::pyramids(solved),
             },
+            reduced,
             below: None,
             predicted: (limits > 0).then(|| Predicted::new(model)),
             next_limit: 0,
@@ -134,7 +143,7 @@ impl InverseDynamics {
     /// ever has ([`AccelerationTask::rows`]). A tick that has to be relaxed decides the first level only.
     #[must_use]
     pub fn levels(mut self, rows: &[usize]) -> Self {
-        let cones = self.settings.friction_model == FrictionModel::Cone;
+        let cones = has_cones(&self.settings);
         let (order, structure, damping) = (&self.order, &self.structure, self.settings.damping);
         let (variables, equalities) = (order.variables(), order.equalities());
         self.below = rows.split_first().filter(|(_, below)| !below.is_empty()).map(|(first, below)| Below {
@@ -182,7 +191,9 @@ impl InverseDynamics {
         if let Some(below) = &mut self.below {
             below.first.clear();
             let held = self.order.equalities() - self.order.constrained;
-            for row in self.problem.equality_matrix.rows(0, held).row_iter() {
+            // accelerations alone do not see the equations of motion
+            let first = if self.settings.unknowns == Unknowns::Accelerations { self.order.base } else { 0 };
+            for row in self.problem.equality_matrix.rows(first, held - first).row_iter() {
                 below.first.push(0.0).iter_mut().zip(row.iter()).for_each(|(to, from)| *to = *from);
             }
             for level in &mut below.levels {
@@ -218,20 +229,34 @@ impl InverseDynamics {
     /// # Errors
     /// [`InverseDynamicsError`]: nothing satisfies all constraints and nothing may be relaxed, or the solver reached its limit.
     pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
-        self.solver.update(&self.problem, &self.contacts)?;
+        let posed = match &mut self.reduced {
+            Some(reduced) => reduced.pose(&self.order, &mut self.problem),
+            None => &self.problem,
+        };
+        self.solver.update(posed, &self.contacts)?;
         (self.solution.slack, self.solution.undecided) = (None, 0);
         match self.solver.solve() {
             Ok(found) => {
-                self.x.copy_from(&found.x);
+                match &self.reduced {
+                    Some(reduced) => reduced.expand(&found.x, &mut self.x),
+                    None => self.x.copy_from(&found.x),
+                }
                 self.solution.iterations = found.iterations;
                 let mut active = 0;
                 self.visit_active(&mut |_| active += 1);
                 self.solution.active = active;
                 self.solve_below()?;
+                if let Some(reduced) = &mut self.reduced {
+                    let distributed = reduced.distribute(&self.order, &self.problem, &mut self.x);
+                    distributed.map_err(InverseDynamicsError::Solve)?;
+                }
             }
             Err(error) => {
                 let conflict = match &error {
-                    SolveError::Infeasible { conflict } => self.order.conflicting(conflict),
+                    SolveError::Infeasible { conflict } => match &self.reduced {
+                        Some(reduced) => self.order.conflicting(&reduced.conflict(&self.order, conflict)),
+                        None => self.order.conflicting(conflict),
+                    },
                     _ => Conflicting::default(),
                 };
                 let Some(relaxed) = &mut self.relaxed else {
@@ -254,7 +279,10 @@ impl InverseDynamics {
     /// Moves the solution of the first level by what the levels below decide.
     fn solve_below(&mut self) -> Result<(), InverseDynamicsError> {
         let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
-        freedom.open();
+        match &self.reduced {
+            Some(reduced) => freedom.open_to(reduced.map()),
+            None => freedom.open(),
+        }
         let mut above = &*first;
         for (level, solver) in levels.iter_mut().zip(solvers) {
             freedom.close(above);
@@ -332,6 +360,10 @@ impl InverseDynamics {
     /// Calls `visit` with each constraint, other than equalities, that has a force on the solution of the first level.
     pub fn visit_active(&self, visit: &mut dyn FnMut(super::ConstraintName)) {
         self.solver.visit_active(&mut |constraint| {
+            let constraint = match &self.reduced {
+                Some(reduced) => reduced.of_whole(&self.order, constraint),
+                None => constraint,
+            };
             if let Some(name) = self.order.name(constraint) {
                 visit(name);
             }
@@ -341,6 +373,9 @@ impl InverseDynamics {
     /// Forgets the tick before, at the beginning of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
+        if let Some(reduced) = &mut self.reduced {
+            reduced.reset();
+        }
         if let Some(relaxed) = &mut self.relaxed {
             relaxed.reset();
         }
@@ -348,6 +383,11 @@ impl InverseDynamics {
             below.solvers.iter_mut().for_each(BelowSolver::reset);
         }
     }
+}
+
+/// True if the first level has cones of friction: accelerations alone have no forces.
+fn has_cones(settings: &InverseDynamicsSettings) -> bool {
+    settings.friction_model == FrictionModel::Cone && settings.unknowns != Unknowns::Accelerations
 }
 
 /// Number of inequalities with a force on the solution.

@@ -23,6 +23,7 @@
 //! - [Limits of velocities](InverseDynamics::add_row_limit) hold as barriers of second order; a [task](InverseDynamics::constrain) may
 //!   be a constraint.
 //! - [`JointAccelerationLimits`] turn limits of position and velocity into bounds of the acceleration.
+//! - [`Unknowns`] leaves accelerations and forces, accelerations alone, or forces alone to decide.
 //! - [`InverseDynamics`] assembles and solves. Where nothing satisfies all constraints it says which ones conflict, by
 //!   [`ConstraintName`], and may [relax](InverseDynamicsSettings::relaxation) those that physics allows to relax.
 //!
@@ -77,6 +78,7 @@ mod limits;
 mod mixture;
 mod names;
 mod outcome;
+mod reduced;
 mod relaxed;
 mod solver;
 pub mod tasks;
@@ -88,7 +90,7 @@ pub use joints::JointAccelerationLimits;
 pub use limits::DynamicsRows;
 pub use names::{Conflicting, ConstraintName};
 pub use outcome::{
-    FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack,
+    FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Slack, Unknowns,
 };
 pub use wrench_cone::WrenchCone;
 

@@ -22,6 +22,8 @@ pub struct InverseDynamicsSettings {
     pub contact_damping: f64,
     /// Form of the friction of the contacts. Default a pyramid.
     pub friction_model: FrictionModel,
+    /// Quantities that the problem decides. Default both accelerations and contact forces.
+    pub unknowns: Unknowns,
     /// Limits of the joints.
     pub joints: JointAccelerationLimits,
     /// Share of the viscous damping of the joints, as the robot's file has it, that belongs to the bias: their drives then overcome
@@ -46,6 +48,7 @@ impl Default for InverseDynamicsSettings {
             force_weight: 1e-3,
             contact_damping: 20.0,
             friction_model: FrictionModel::Pyramid,
+            unknowns: Unknowns::AccelerationsAndForces,
             joints: JointAccelerationLimits::default(),
             joint_damping: 0.0,
             barrier_rate: 100.0,
@@ -53,6 +56,23 @@ impl Default for InverseDynamicsSettings {
             relaxation: Some(100.0),
         }
     }
+}
+
+/// Quantities that a problem decides: the level at which it controls.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Unknowns {
+    /// Accelerations and contact forces: inverse dynamics, in which motions and forces depend on one another.
+    #[default]
+    AccelerationsAndForces,
+    /// Accelerations of base and joints alone: contacts stay at rest, joints and velocities keep their limits, and nothing limits forces
+    /// and torques. Contact forces for the accelerations that were decided are chosen after it, within friction, and the torques by the
+    /// model: `tau = M_a a - J_a' f + h_a`.
+    Accelerations,
+    /// Contact forces alone, by which the base of a robot moves whose joints rest: `M_b a_b = J_b' f - h_b`. Friction, forces that only push,
+    /// wrenches of soles and torque limits hold. A task on a motion of the body is a task on the forces; as a
+    /// [constraint](super::InverseDynamics::constrain) it is an equality of the floating base. Torques are `tau = M_ab a_b - J_a' f + h_a`.
+    Forces,
 }
 
 /// Form of Coulomb's friction `|f_t| <= mu f_n` in the problem.

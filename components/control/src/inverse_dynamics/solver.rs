@@ -14,10 +14,10 @@ pub(super) enum FirstLevel {
     Cones(Box<ClarabelSolver>),
 }
 
-/// The cone of each contact point.
-pub(super) fn friction_cones(order: &Order) -> Vec<FrictionCone> {
+/// The cone of each contact point, whose forces begin at an unknown.
+pub(super) fn friction_cones(order: &Order, forces: usize) -> Vec<FrictionCone> {
     let cone = |point: usize| {
-        let first = order.velocities + 3 * point;
+        let first = forces + 3 * point;
         FrictionCone { tangents: [first, first + 1], normal: first + 2 }
     };
     (0..order.points.len()).map(cone).collect()
@@ -39,10 +39,10 @@ impl FirstLevel {
         Self::Pyramids(Box::new(ActiveSetSolver::new(structure, ActiveSetSettings::default())))
     }
 
-    /// For the same problem, whose faces never bound, and a cone for each contact point.
-    pub(super) fn cones(structure: Structure, order: &Order) -> Self {
-        let solver =
-            ClarabelSolver::with_cones(structure, friction_cones(order), ClarabelSettings::default());
+    /// For the same problem, whose faces never bound, and a cone for each contact point; its forces begin at an unknown.
+    pub(super) fn cones(structure: Structure, order: &Order, forces: usize) -> Self {
+        let cones = friction_cones(order, forces);
+        let solver = ClarabelSolver::with_cones(structure, cones, ClarabelSettings::default());
         Self::Cones(Box::new(solver))
     }
 

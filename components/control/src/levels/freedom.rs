@@ -45,7 +45,7 @@ impl Rows {
     }
 }
 
-/// An orthonormal basis of the motions that no level so far has decided.
+/// A basis of the motions that no level so far has decided, orthonormal where every motion was open at first.
 #[derive(Clone, Debug)]
 pub(crate) struct Freedom {
     /// n x n; the first `count` columns are the basis, the others zero.
@@ -71,6 +71,13 @@ impl Freedom {
     pub(crate) fn open(&mut self) {
         self.basis.fill_with_identity();
         self.count = self.basis.nrows();
+    }
+
+    /// The motions that the columns of `map` span are open, n x at most n.
+    pub(crate) fn open_to(&mut self, map: &DMatrix<f64>) {
+        self.basis.fill(0.0);
+        self.basis.columns_mut(0, map.ncols()).copy_from(map);
+        self.count = map.ncols();
     }
 
     /// Number of open directions.

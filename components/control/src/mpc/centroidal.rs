@@ -16,6 +16,8 @@ type Column = SVector<f64, STATE>;
 pub struct CentroidalMpc {
     settings: MpcSettings,
     points: usize,
+    /// Two tangents and the normal of the ground, as columns: the axes of the forces that are decided.
+    axes: Matrix3<f64>,
     horizon: Vec<HorizonStep>,
     /// States that were predicted, from the beginning to the end of the horizon.
     predicted: Vec<CentroidalState>,
@@ -62,6 +64,7 @@ impl CentroidalMpc {
             weighed: DMatrix::zeros(STATE, variables),
             forces: vec![Vector3::zeros(); points * steps],
             iterations: 0,
+            axes: Matrix3::identity(),
             points,
             settings,
         }
@@ -75,6 +78,11 @@ impl CentroidalMpc {
     /// The steps of the horizon, to be written before [`solve`](Self::solve).
     pub fn horizon_mut(&mut self) -> &mut [HorizonStep] {
         &mut self.horizon
+    }
+
+    /// Sets the axes of the ground from the next solve on, two tangents and the normal as columns: friction is about its normal.
+    pub fn set_ground_axes(&mut self, axes: &Matrix3<f64>) {
+        self.axes = *axes;
     }
 
     /// Forgets the horizon before: the next solve computes what a new one would.
@@ -100,7 +108,7 @@ impl CentroidalMpc {
         let solution = self.solver.solve()?;
         self.iterations = solution.iterations;
         for (force, x) in self.forces.iter_mut().zip(solution.x.as_slice().as_chunks::<3>().0) {
-            *force = Vector3::from(*x);
+            *force = self.axes * Vector3::from(*x);
         }
         self.predict(state, inertia, heading);
         Ok(())
@@ -158,11 +166,9 @@ impl CentroidalMpc {
                 continue;
             }
             self.problem.hessian[(variable, variable)] += weight;
-            if variable % 3 == 2 {
-                let touching = step.points.iter().flatten().count() as f64;
-                let share = -settings.mass * settings.gravity.z / touching;
-                self.problem.gradient[variable] -= weight * share.max(0.0);
-            }
+            let touching = step.points.iter().flatten().count() as f64;
+            let share = (-settings.mass * settings.gravity.z / touching).max(0.0);
+            self.problem.gradient[variable] -= weight * share * self.axes[(2, variable % 3)];
         }
     }
 
@@ -218,7 +224,7 @@ impl CentroidalMpc {
             let Some(place) = place else { continue };
             let arm = place - horizon.centre;
             for axis in 0..3 {
-                let force = Vector3::ith(axis, 1.0);
+                let force = self.axes.column(axis).into_owned();
                 let effect = column(&impulse(&arm, &force, inverse, h, mass));
                 self.effect.column_mut(before + 3 * point + axis).copy_from(&effect);
             }

@@ -2,6 +2,8 @@
 
 use nalgebra::{Rotation3, Vector3};
 
+use super::GroundPlane;
+
 /// Motion of the body at the time at which a foot lands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FootPlan {
@@ -19,8 +21,8 @@ pub struct FootPlan {
     pub height: f64,
     /// Acceleration of gravity \[m/s2\].
     pub gravity: f64,
-    /// Height of the ground \[m\].
-    pub ground: f64,
+    /// The ground.
+    pub ground: GroundPlane,
 }
 
 /// The place on the ground at which a foot lands: below its place at rest, `rest` from the centre of mass in the axes of the heading,
@@ -34,12 +36,12 @@ pub struct FootPlan {
 /// Humanoids 2006.
 ///
 /// ```
-/// use motorium_control::mpc::{FootPlan, foothold};
+/// use motorium_control::mpc::{FootPlan, GroundPlane, foothold};
 /// use nalgebra::Vector3;
 ///
 /// let (position, velocity) = (Vector3::new(1.0, 0.0, 0.25), Vector3::new(0.4, 0.0, 0.0));
 /// let plan =
-///     FootPlan { position, velocity, wanted: velocity, heading: 0.0, stance: 0.2, height: 0.25, gravity: 9.81, ground: 0.0 };
+///     FootPlan { position, velocity, wanted: velocity, heading: 0.0, stance: 0.2, height: 0.25, gravity: 9.81, ground: GroundPlane::default() };
 /// let rest = Vector3::new(0.2, 0.15, -0.25);
 /// assert!((foothold(&plan, &rest, 0.1) - Vector3::new(1.24, 0.15, 0.0)).norm() < 1e-12);
 /// ```
@@ -53,7 +55,7 @@ pub fn foothold(plan: &FootPlan, rest: &Vector3<f64>, most: f64) -> Vector3<f64>
         capture *= most / size;
     }
     let mut place = plan.position + turned + plan.wanted * (0.5 * plan.stance) + capture;
-    place.z = plan.ground;
+    place.z = plan.ground.height(&place.xy());
     place
 }
 
@@ -124,9 +126,9 @@ mod tests {
     fn a_pendulum_that_steps_by_the_capture_share_of_its_velocity_comes_to_rest_above_its_foot() {
         let (height, gravity) = (0.5_f64, 9.81_f64);
         let (position, velocity) = (Vector3::new(0.0, 0.0, height), Vector3::new(0.3, -0.2, 0.0));
-        let wanted = Vector3::zeros();
+        let (wanted, ground) = (Vector3::zeros(), GroundPlane::default());
         let plan =
-            FootPlan { position, velocity, wanted, heading: 1.0, stance: 0.5, height, gravity, ground: 0.0 };
+            FootPlan { position, velocity, wanted, heading: 1.0, stance: 0.5, height, gravity, ground };
         let foot = foothold(&plan, &Vector3::new(0.0, 0.0, -height), 1.0);
         let (mut at, mut moving) = (position, velocity);
         for _ in 0..100_000 {

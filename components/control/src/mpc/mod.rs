@@ -53,13 +53,17 @@
 mod centroidal;
 mod foothold;
 mod gait;
+mod ground;
 mod horizon;
+mod leg;
 mod planner;
 mod reference;
 
 pub use centroidal::CentroidalMpc;
 pub use foothold::{FootPlan, Swing, foothold};
 pub use gait::{Gait, GaitError, Stepping};
+pub use ground::{GroundModel, GroundPlane};
 pub use horizon::{CentroidalState, HorizonStep, MpcSettings, MpcWeights};
-pub use planner::{LegPlanner, PlannedFoot, PlannerSettings};
+pub use leg::{Landing, PlannedFoot};
+pub use planner::{LegPlanner, PlannerSettings};
 pub use reference::{PlanarVelocity, Reference};

@@ -1,28 +1,15 @@
 //! A planner of contact forces, contacts and swings.
 
-use motorium_robots::{Dynamics, FrameId, Kinematics, Model, Twist};
+use motorium_robots::{Dynamics, Kinematics, Model, Twist};
 use nalgebra::{Isometry3, Matrix3, Matrix6xX, Quaternion, Rotation3, UnitQuaternion, Vector3};
 
+use super::leg::Leg;
 use super::{
-    CentroidalMpc, CentroidalState, FootPlan, MpcSettings, PlanarVelocity, Reference, Stepping, Swing,
-    foothold,
+    CentroidalMpc, CentroidalState, FootPlan, GroundModel, GroundPlane, Landing, MpcSettings, PlanarVelocity,
+    PlannedFoot, Reference, Stepping, Swing, foothold,
 };
 use crate::inverse_dynamics::MotionState;
 use crate::solver::SolveError;
-
-/// A foot of a [`LegPlanner`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct PlannedFoot {
-    /// Its frame.
-    pub frame: FrameId,
-    /// Points at which the ground pushes, from the ground below the origin of the frame, in its axes \[m\]: the corners of a sole, or zero
-    /// alone.
-    pub points: Vec<Vector3<f64>>,
-    /// Distance of the ground below the origin of the frame: the radius of a ball \[m\].
-    pub radius: f64,
-    /// Coefficient of friction.
-    pub friction: f64,
-}
 
 /// Settings of a [`LegPlanner`].
 #[derive(Clone, Debug, PartialEq)]
@@ -45,26 +32,10 @@ pub struct PlannerSettings {
     pub max_capture: f64,
     /// Time within which a foot is loaded and unloaded \[s\].
     pub ramp: f64,
-}
-
-/// A foot on its way.
-#[derive(Clone, Copy, Debug)]
-struct Leg {
-    /// Place of the ground below it in the pose at rest, from the centre of mass, axes of the heading \[m\].
-    rest: Vector3<f64>,
-    /// First of its points among those of all feet.
-    first: usize,
-    /// Place of the ground below it \[m\], and the orientation of its frame.
-    place: Vector3<f64>,
-    axes: Rotation3<f64>,
-    swing: Option<Swing>,
-    /// Time at which it landed \[s\].
-    landed: f64,
-    load: f64,
-    /// Target of the ground below it \[m\], and its velocity \[m/s\].
-    target: (Vector3<f64>, Vector3<f64>),
-    /// Number of its swings.
-    swings: u64,
+    /// Knowledge of the ground.
+    pub ground: GroundModel,
+    /// Reaction to feet that touch before or after their time.
+    pub landing: Landing,
 }
 
 /// A planner of the forces of the feet, by [`CentroidalMpc`], of the contacts, by a gait, and of the swings between them. Nothing
@@ -103,19 +74,9 @@ impl LegPlanner {
         let (mut legs, mut friction) = (Vec::new(), Vec::new());
         for foot in &feet {
             let place = kinematics.pose(model, foot.frame).translation.vector - Vector3::z() * foot.radius;
-            let (first, zero) = (friction.len(), Vector3::zeros());
+            let first = friction.len();
             friction.extend(foot.points.iter().map(|_| foot.friction));
-            legs.push(Leg {
-                rest: ahead * (place - centre),
-                first,
-                place,
-                axes: Rotation3::identity(),
-                swing: None,
-                landed: f64::NEG_INFINITY,
-                load: 1.0,
-                target: (place, zero),
-                swings: 0,
-            });
+            legs.push(Leg::new(ahead * (place - centre), first, place));
         }
         let below: f64 = legs.iter().map(|leg| -leg.rest.z).sum::<f64>() / legs.len().max(1) as f64;
         let mpc = MpcSettings { mass: model.mass(), ..settings.mpc };
@@ -143,9 +104,17 @@ impl LegPlanner {
         self.stepping.reset();
         self.mpc.reset();
         (self.solved, self.time) = (None, 0.0);
-        for leg in &mut self.legs {
-            (leg.swing, leg.landed, leg.swings) = (None, f64::NEG_INFINITY, 0);
+        self.reference.set_ground(GroundPlane::default());
+        for (foot, leg) in self.feet.iter().zip(&mut self.legs) {
+            let place = kinematics.pose(model, foot.frame).translation.vector - Vector3::z() * foot.radius;
+            leg.begin(place);
         }
+        self.find_ground(1.0);
+    }
+
+    /// Sets what the contact sensor of a foot says from the next step on; `None` where nothing is known, and the gait alone counts.
+    pub fn set_touching(&mut self, foot: usize, touches: Option<bool>) {
+        self.legs[foot].touches = touches;
     }
 
     /// Plans a step of `dt` seconds from the measured state: in strides at a wanted velocity, or at rest on all feet.
@@ -165,9 +134,10 @@ impl LegPlanner {
         // on all feet the body does not leave them
         let wanted = if strides { *wanted } else { PlanarVelocity::default() };
         self.reference.follow(&wanted, self.settings.acceleration, dt);
-        self.place_feet(state, (&centre.position, &centre.velocity));
+        self.place_feet(state, (&centre.position, &centre.velocity), dt);
+        self.mpc.set_ground_axes(&self.reference.ground().axes());
         let base = base_rotation(q);
-        let turned = base * Rotation3::from_axis_angle(&Vector3::z_axis(), -self.reference.heading());
+        let turned = base * self.reference.orientation(0.0).inverse();
         self.state = CentroidalState {
             turn: turned.scaled_axis(),
             position: centre.position,
@@ -207,7 +177,7 @@ impl LegPlanner {
         let (Some(solved), true) = (self.solved, leg.load > 0.0) else { return wrench };
         let settings = self.mpc.settings();
         let step = ((self.began - solved + 1e-9) / settings.step) as usize;
-        let down = Vector3::z() * -self.feet[foot].radius;
+        let down = self.reference.ground().normal() * -self.feet[foot].radius;
         for (point, arm) in self.feet[foot].points.iter().enumerate() {
             let force = self.mpc.force(step.min(settings.steps - 1), leg.first + point);
             wrench.linear += force;
@@ -219,13 +189,18 @@ impl LegPlanner {
     /// Target of the frame of a foot in the world, and the velocity of its origin \[m/s\].
     pub fn target(&self, foot: usize) -> (Isometry3<f64>, Vector3<f64>) {
         let (place, velocity) = self.legs[foot].target;
-        let translation = place + Vector3::z() * self.feet[foot].radius;
-        (Isometry3::from_parts(translation.into(), level(&self.reference, 0.0).into()), velocity)
+        let translation = place + self.reference.ground().normal() * self.feet[foot].radius;
+        (Isometry3::from_parts(translation.into(), self.reference.orientation(0.0).into()), velocity)
     }
 
     /// Number of swings of a foot.
     pub fn swings(&self, foot: usize) -> u64 {
         self.legs[foot].swings
+    }
+
+    /// Numbers of swings of a foot that a contact ended before their time, and that went on after it.
+    pub fn early_and_late(&self, foot: usize) -> [u64; 2] {
+        self.legs[foot].landings
     }
 
     /// The motion that is wanted.
@@ -244,30 +219,37 @@ impl LegPlanner {
     }
 
     /// Loads, places and swings of the feet.
-    fn place_feet(&mut self, state: &MotionState<'_>, (centre, velocity): (&Vector3<f64>, &Vector3<f64>)) {
+    fn place_feet(
+        &mut self,
+        state: &MotionState<'_>,
+        (centre, velocity): (&Vector3<f64>, &Vector3<f64>),
+        dt: f64,
+    ) {
         let MotionState { model, kinematics, .. } = *state;
         let (now, ramp) = (self.time, self.settings.ramp.max(1e-6));
-        let (mut ground, mut standing) = (0.0, 0.0);
+        let ground = *self.reference.ground();
+        let normal = ground.normal();
         for (index, (foot, leg)) in self.feet.iter().zip(&mut self.legs).enumerate() {
             let pose = kinematics.pose(model, foot.frame);
             leg.axes = pose.rotation.to_rotation_matrix();
-            leg.place = pose.translation.vector - Vector3::z() * foot.radius;
-            if self.stepping.swing(index, now).is_none() {
-                (ground, standing) = (ground + leg.place.z, standing + 1.0);
-            }
+            leg.place = pose.translation.vector - normal * foot.radius;
+            leg.watch((&self.stepping, index), now, &self.settings.landing, &ground);
         }
-        if standing > 0.0 {
-            self.reference.set_ground(ground / standing);
-        }
-        let (height, ground) = self.reference.heights();
+        let share = match self.settings.ground {
+            GroundModel::Fitted { smoothing } => dt / smoothing.max(dt),
+            _ => 1.0,
+        };
+        self.find_ground(share);
+        let (height, ground) = (self.reference.height(), *self.reference.ground());
         let (_, wanted, _) = self.reference.after(0.0);
         let stance = self.stepping.gait().stance_time();
         for (index, leg) in self.legs.iter_mut().enumerate() {
-            let Some((began, lands)) = self.stepping.swing(index, now) else {
-                if let Some(swing) = leg.swing.take() {
-                    leg.landed = now;
-                    leg.target = (swing.to, Vector3::zeros());
-                } else if leg.swings == 0 {
+            let Some((began, lands)) = leg.swing_at(&self.stepping, index, now) else {
+                if leg.is_late() {
+                    leg.load = 0.0;
+                    continue;
+                }
+                if leg.swings == 0 {
                     leg.target = (leg.place, Vector3::zeros());
                 }
                 let left = self.stepping.lifts(index, now) - now;
@@ -295,25 +277,49 @@ impl LegPlanner {
         }
     }
 
+    /// Finds the ground under the feet, of a fit by a share of the way.
+    fn find_ground(&mut self, share: f64) {
+        let now = self.time;
+        let (mut sum, mut standing) = (Vector3::zeros(), 0.0);
+        for (index, leg) in self.legs.iter_mut().enumerate() {
+            if leg.swing_at(&self.stepping, index, now).is_none() && !leg.is_late() {
+                leg.stood = leg.place;
+                (sum, standing) = (sum + leg.place, standing + 1.0);
+            }
+        }
+        if standing == 0.0 {
+            return;
+        }
+        let mut ground = *self.reference.ground();
+        match self.settings.ground {
+            GroundModel::Level => ground = GroundPlane::through(&(sum / standing), &Vector3::z()),
+            GroundModel::Normal(normal) => ground = GroundPlane::through(&(sum / standing), &normal),
+            GroundModel::Fitted { .. } => ground.fit(self.legs.iter().map(|leg| leg.stood), share),
+        }
+        self.reference.set_ground(ground);
+    }
+
     /// Writes the reference and the points that touch into the horizon.
     fn fill_horizon(&mut self) {
         let (now, h) = (self.time, self.settings.mpc.step);
         let gravity = self.settings.mpc.gravity.norm();
-        let (height, ground) = self.reference.heights();
+        let (height, ground) = (self.reference.height(), *self.reference.ground());
         let (stance, swing_time) = (self.stepping.gait().stance_time(), self.stepping.gait().swing_time());
         for (step, horizon) in self.mpc.horizon_mut().iter_mut().enumerate() {
             let begins = step as f64 * h;
             (horizon.position, horizon.velocity, horizon.heading) = self.reference.after(begins + h);
-            horizon.angular_velocity = Vector3::z() * self.reference.velocity().yaw_rate;
+            horizon.angular_velocity = self.reference.angular_velocity(begins + h);
             // in the first step the contacts are those of now
             let time = now + if step == 0 { 0.0 } else { begins + 0.5 * h };
             for (index, (foot, leg)) in self.feet.iter().zip(&self.legs).enumerate() {
                 let points = &mut horizon.points[leg.first..][..foot.points.len()];
-                if self.stepping.swing(index, time).is_some() {
+                // one that is late is expected at the next step
+                let late = step == 0 && leg.is_late();
+                if late || leg.swing_at(&self.stepping, index, time).is_some() {
                     points.fill(None);
                     continue;
                 }
-                let swing = leg.swing.zip(self.stepping.swing(index, now));
+                let swing = leg.swing.zip(leg.swing_at(&self.stepping, index, now));
                 // it stands from then on, until it lifts
                 let since = swing.map_or(now, |(_, (_, lands))| lands);
                 let lifts = self.stepping.lifts(index, since);
@@ -326,9 +332,9 @@ impl LegPlanner {
                         let velocity = wanted;
                         let plan =
                             FootPlan { position, velocity, wanted, heading, stance, height, gravity, ground };
-                        (foothold(&plan, &leg.rest, 0.0), level(&self.reference, lands))
+                        (foothold(&plan, &leg.rest, 0.0), self.reference.orientation(lands))
                     }
-                    Some((swing, (_, lands))) => (swing.to, level(&self.reference, lands - now)),
+                    Some((swing, (_, lands))) => (swing.to, self.reference.orientation(lands - now)),
                     None => (leg.place, leg.axes),
                 };
                 for (point, arm) in points.iter_mut().zip(&foot.points) {
@@ -349,9 +355,4 @@ fn base_rotation(q: &[f64]) -> Rotation3<f64> {
 fn heading(base: &Rotation3<f64>) -> f64 {
     let ahead = base * Vector3::x();
     ahead.y.atan2(ahead.x)
-}
-
-/// The axes of the heading of the reference after `time` seconds.
-fn level(reference: &Reference, time: f64) -> Rotation3<f64> {
-    Rotation3::from_axis_angle(&Vector3::z_axis(), reference.after(time).2)
 }

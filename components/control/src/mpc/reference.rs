@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Rotation2, Vector2, Vector3};
+use nalgebra::{Rotation2, Rotation3, Vector2, Vector3};
+
+use super::GroundPlane;
 
 /// A velocity in the plane, in the axes of a heading.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -33,14 +35,20 @@ pub struct Reference {
     heading: f64,
     velocity: PlanarVelocity,
     height: f64,
-    ground: f64,
+    ground: GroundPlane,
 }
 
 impl Reference {
     /// At rest at the origin, at this height above the ground \[m\].
     pub fn new(height: f64) -> Self {
         let place = Vector2::zeros();
-        Self { place, heading: 0.0, velocity: PlanarVelocity::default(), height, ground: 0.0 }
+        Self {
+            place,
+            heading: 0.0,
+            velocity: PlanarVelocity::default(),
+            height,
+            ground: GroundPlane::default(),
+        }
     }
 
     /// Begins at rest below `centre` with this heading \[rad\].
@@ -49,8 +57,8 @@ impl Reference {
         self.velocity = PlanarVelocity::default();
     }
 
-    /// Sets the height of the ground \[m\].
-    pub fn set_ground(&mut self, ground: f64) {
+    /// Sets the ground.
+    pub fn set_ground(&mut self, ground: GroundPlane) {
         self.ground = ground;
     }
 
@@ -97,9 +105,10 @@ impl Reference {
         let place = self.place + Rotation2::new(self.heading) * way * time;
         let heading = self.heading + turn;
         let velocity = Rotation2::new(heading) * linear;
+        let climb = self.ground.slope().dot(&velocity);
         (
-            Vector3::new(place.x, place.y, self.ground + self.height),
-            Vector3::new(velocity.x, velocity.y, 0.0),
+            Vector3::new(place.x, place.y, self.ground.height(&place) + self.height),
+            Vector3::new(velocity.x, velocity.y, climb),
             heading,
         )
     }
@@ -109,9 +118,34 @@ impl Reference {
         self.heading
     }
 
-    /// Height of the centre of mass above the ground, and of the ground \[m\].
-    pub fn heights(&self) -> (f64, f64) {
-        (self.height, self.ground)
+    /// Orientation of a base that is parallel to the ground after `time` seconds: from above, its x points along the heading.
+    pub fn orientation(&self, time: f64) -> Rotation3<f64> {
+        let (ahead, normal) = (self.ahead(time).normalize(), self.ground.normal());
+        Rotation3::from_basis_unchecked(&[ahead, normal.cross(&ahead), normal])
+    }
+
+    /// Angular velocity of that base after `time` seconds \[rad/s\]: about the normal of the ground, such that the heading turns at the yaw
+    /// rate.
+    pub fn angular_velocity(&self, time: f64) -> Vector3<f64> {
+        // from above, an angle `t` of the slope is `t normal_z |ahead|^2`
+        let normal = self.ground.normal();
+        normal * (self.velocity.yaw_rate / (normal.z * self.ahead(time).norm_squared()))
+    }
+
+    /// Tangent of the ground along the heading after `time` seconds, of length 1 as seen from above.
+    fn ahead(&self, time: f64) -> Vector3<f64> {
+        let (y, x) = self.after(time).2.sin_cos();
+        Vector3::new(x, y, self.ground.slope().dot(&Vector2::new(x, y)))
+    }
+
+    /// Height of the centre of mass above the ground \[m\].
+    pub fn height(&self) -> f64 {
+        self.height
+    }
+
+    /// The ground.
+    pub fn ground(&self) -> &GroundPlane {
+        &self.ground
     }
 
     /// The present velocity.
@@ -138,6 +172,32 @@ mod tests {
         let (end, velocity, heading) = reference.after(1.0);
         assert!((end.xy() - place).norm() < 1e-8, "{end} {place}");
         assert!((heading - 1.6).abs() < 1e-12 && (velocity.norm() - wanted.linear.norm()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_base_on_a_slope_is_parallel_to_it_points_along_its_heading_and_turns_as_its_angular_velocity_says() {
+        let normal = Vector3::new(-0.3, 0.2, 1.0).normalize();
+        for heading in [0.0, 0.8, 2.0, -2.5] {
+            let mut reference = Reference::new(0.3);
+            reference.set_ground(GroundPlane::through(&Vector3::zeros(), &normal));
+            reference.begin(&Vector3::zeros(), heading);
+            let turning = PlanarVelocity { linear: Vector2::new(0.4, 0.0), yaw_rate: 0.7 };
+            reference.follow(&turning, f64::INFINITY, 1.0);
+            for time in [0.0, 0.6] {
+                let base = reference.orientation(time);
+                assert!((base * Vector3::z() - normal).norm() < 1e-12);
+                assert!((base.matrix().determinant() - 1.0).abs() < 1e-12);
+                // it walks straight ahead
+                let (ahead, velocity) = (base * Vector3::x(), reference.after(time).1);
+                assert!((ahead - velocity.normalize()).norm() < 1e-12, "{ahead} {velocity}");
+                let step = 1e-5;
+                let turned =
+                    reference.orientation(time + step) * reference.orientation(time - step).inverse();
+                let (found, expected) =
+                    (turned.scaled_axis() / (2.0 * step), reference.angular_velocity(time));
+                assert!((found - expected).norm() < 1e-6, "{found} {expected}");
+            }
+        }
     }
 
     #[test]

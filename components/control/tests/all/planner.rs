@@ -1,13 +1,15 @@
-//! The planner of `control.mpc` in the library: footholds do not depend on the heading, forces are those of the step that begins.
+//! The planner of `control.mpc` in the library: footholds do not depend on the heading, forces are those of the step that begins, slopes,
+//! landings before and after their time.
 
 use std::path::Path;
 
 use motorium_control::inverse_dynamics::MotionState;
 use motorium_control::mpc::{
-    Gait, LegPlanner, MpcSettings, PlanarVelocity, PlannedFoot, PlannerSettings, Stepping,
+    CentroidalMpc, CentroidalState, Gait, GroundModel, Landing, LegPlanner, MpcSettings, PlanarVelocity,
+    PlannedFoot, PlannerSettings, Stepping,
 };
 use motorium_robots::{Kinematics, Loaded, load};
-use nalgebra::{Rotation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
 
 const FEET: [&str; 4] = ["front_left", "front_right", "hind_left", "hind_right"];
 
@@ -27,6 +29,10 @@ fn turned(robot: &Loaded, heading: f64) -> Vec<f64> {
 
 /// A planner of a trot, which was made for the robot at `rest`.
 fn planner(robot: &Loaded, rest: &[f64], step: f64) -> LegPlanner {
+    planner_on(robot, rest, step, GroundModel::Level)
+}
+
+fn planner_on(robot: &Loaded, rest: &[f64], step: f64, ground: GroundModel) -> LegPlanner {
     let feet = &robot.profile.as_ref().unwrap().feet;
     let feet = FEET.map(|name| PlannedFoot {
         frame: robot.model.frame(&feet[name].frame).unwrap(),
@@ -45,6 +51,8 @@ fn planner(robot: &Loaded, rest: &[f64], step: f64) -> LegPlanner {
         clearance: 0.05,
         max_capture: 0.1,
         ramp: 0.02,
+        ground,
+        landing: Landing::default(),
     };
     LegPlanner::new(&robot.model, feet.to_vec(), stepping, settings, rest)
 }
@@ -99,4 +107,154 @@ fn the_force_of_a_step_as_long_as_one_of_the_horizon_is_that_of_its_first() {
             "the steps differ, or this tests nothing"
         );
     }
+}
+
+#[test]
+fn forces_on_a_slope_carry_the_weight_and_keep_to_friction_about_its_normal() {
+    let tilt = 0.3_f64;
+    let axes = Rotation3::from_axis_angle(&Vector3::y_axis(), -tilt);
+    let settings = MpcSettings { mass: 10.0, steps: 6, ..MpcSettings::default() };
+    let solve = |friction: f64| {
+        let mut mpc = CentroidalMpc::new(settings, &[friction; 2]);
+        mpc.set_ground_axes(axes.matrix());
+        let place = |along: f64| axes * Vector3::new(along, 0.0, 0.0);
+        for step in mpc.horizon_mut() {
+            step.position = Vector3::new(0.0, 0.0, 0.3);
+            step.points[0] = Some(place(0.2));
+            step.points[1] = Some(place(-0.2));
+        }
+        let state = CentroidalState { position: Vector3::new(0.0, 0.0, 0.3), ..CentroidalState::default() };
+        mpc.solve(&state, (&(Matrix3::identity() * 0.2), 0.0), 0.0).unwrap();
+        [0, 1].map(|point| mpc.force(0, point))
+    };
+    // tan 0.3 = 0.309, within 0.6 / sqrt(2)
+    let [one, other] = solve(0.6);
+    assert!((one + other - Vector3::new(0.0, 0.0, 98.1)).norm() < 1e-6, "{one} {other}");
+    // and beyond 0.3 / sqrt(2): it slides along that face
+    for force in solve(0.3) {
+        let seen = axes.inverse() * force;
+        assert!(
+            seen.z > 1.0 && (seen.x / seen.z - 0.3 * std::f64::consts::FRAC_1_SQRT_2).abs() < 1e-6,
+            "{seen}"
+        );
+    }
+}
+
+/// The quadruped at home on a slope that rises by `tilt` along x, its base parallel to it.
+fn on_a_slope(robot: &Loaded, tilt: f64) -> Vec<f64> {
+    let mut q = turned(robot, 0.0);
+    let rotation = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -tilt);
+    let place = rotation * Vector3::new(q[0], q[1], q[2]);
+    q[..3].copy_from_slice(place.as_slice());
+    q[3..7].copy_from_slice(rotation.coords.as_slice());
+    q
+}
+
+#[test]
+fn a_planner_finds_the_slope_under_its_feet_and_steps_along_it() {
+    let robot = quadruped();
+    let tilt = 0.15_f64;
+    let (level, slope) = (turned(&robot, 0.0), on_a_slope(&robot, tilt));
+    let mut planner = planner_on(&robot, &level, 0.03, GroundModel::Fitted { smoothing: 0.2 });
+    plan(&robot, &mut planner, &slope, (0.005, 70));
+    let ground = *planner.reference().ground();
+    assert!((ground.slope() - Vector2::new(tilt.tan(), 0.0)).norm() < 1e-3, "{}", ground.slope());
+    // the base is parallel to it, as it is to be
+    assert!(planner.state().turn.norm() < 1e-3, "{}", planner.state().turn);
+    let (height, feet) = (ground.height(&Vector2::zeros()), 4);
+    for foot in 0..feet {
+        let place = planner.target(foot).0.translation.vector;
+        let above = place.z - ground.height(&place.xy());
+        // one in the air is above it by up to its clearance
+        assert!((-1e-3..0.06).contains(&above), "foot {foot}: {above} m above {height}");
+    }
+    // the reference climbs
+    let (_, velocity, _) = planner.reference().after(0.0);
+    assert!((velocity.z - tilt.tan() * velocity.x).abs() < 1e-3 && velocity.x > 0.3, "{velocity}");
+    // on level ground the same robot is seen to be turned
+    let mut unaware = planner_on(&robot, &level, 0.03, GroundModel::Level);
+    plan(&robot, &mut unaware, &slope, (0.005, 70));
+    assert!((unaware.state().turn.norm() - tilt).abs() < 1e-3);
+    // a normal that is told
+    let normal = Vector3::new(-tilt.sin(), 0.0, tilt.cos());
+    let mut told = planner_on(&robot, &level, 0.03, GroundModel::Normal(normal));
+    plan(&robot, &mut told, &slope, (0.005, 70));
+    assert!((told.reference().ground().normal() - normal).norm() < 1e-12);
+    assert!((told.reference().ground().height(&Vector2::zeros()) - height).abs() < 1e-3);
+}
+
+#[test]
+fn on_a_slope_that_is_crossed_aslant_a_base_parallel_to_it_is_not_seen_turned_and_goes_where_it_points() {
+    let robot = quadruped();
+    let (tilt, heading) = (20.0_f64.to_radians(), 45.0_f64.to_radians());
+    let slope = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -tilt);
+    let mut q = turned(&robot, heading);
+    let place = slope * Vector3::new(q[0], q[1], q[2]);
+    let base = slope * UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]));
+    q[..3].copy_from_slice(place.as_slice());
+    q[3..7].copy_from_slice(base.coords.as_slice());
+    let ground = GroundModel::Normal(slope * Vector3::z());
+    let mut planner = planner_on(&robot, &turned(&robot, 0.0), 0.03, ground);
+    plan(&robot, &mut planner, &q, (0.005, 70));
+    // a robot that stands as it is to stand is not seen turned, at the start and in strides
+    assert!(planner.state().turn.norm() < 1e-9, "{}", planner.state().turn);
+    // it goes where it points
+    let (ahead, velocity) = (base * Vector3::x(), planner.reference().after(0.0).1);
+    assert!((ahead - velocity.normalize()).norm() < 1e-9, "{ahead} {velocity}");
+}
+
+/// Steps of 5 ms of a trot whose first swing is that of the feet 1 and 2; `touches` says what the sensor of foot 1 says at a time.
+fn strides(touches: impl Fn(f64) -> bool) -> (LegPlanner, Vec<(f64, Vector3<f64>)>) {
+    let robot = quadruped();
+    let q = turned(&robot, 0.0);
+    let v = vec![0.0; robot.model.nv()];
+    let mut planner = planner(&robot, &q, 0.03);
+    let mut kinematics = Kinematics::new(&robot.model);
+    kinematics.update_with_acceleration(&robot.model, &q, &v, &v);
+    let state = MotionState { model: &robot.model, kinematics: &kinematics, q: &q, v: &v };
+    planner.begin(&state);
+    let mut seen = Vec::new();
+    for step in 0..100 {
+        for foot in [0, 2, 3] {
+            planner.set_touching(foot, None);
+        }
+        planner.set_touching(1, Some(touches(0.005 * f64::from(step))));
+        planner.step(&state, &PlanarVelocity::default(), true, 0.005).unwrap();
+        seen.push((planner.load(1), planner.target(1).0.translation.vector));
+    }
+    (planner, seen)
+}
+
+/// First step from `from` on in which the foot carries something.
+fn carries(seen: &[(f64, Vector3<f64>)], from: usize) -> usize {
+    from + seen[from..].iter().position(|(load, _)| *load > 0.0).expect("it lands")
+}
+
+#[test]
+fn a_foot_that_touches_early_stands_from_then_on_and_one_that_touches_too_early_swings_on() {
+    let (_, as_planned) = strides(|_| true);
+    let lifted = as_planned.iter().position(|(load, _)| *load == 0.0).expect("it swings");
+    let lifted_at = 0.005 * lifted as f64;
+    // it leaves the ground at once, and meets it again at 0.7 of the 0.2 s of its swing
+    let (planner, seen) = strides(|time| time < lifted_at || time >= lifted_at + 0.14);
+    assert_eq!(carries(&seen, lifted), lifted + 28);
+    assert_eq!(planner.early_and_late(1), [1, 0]);
+    // a contact in the first half is that of the lift-off: it ends at half of the swing, where `touches` says so all the time
+    assert_eq!(carries(&as_planned, lifted), lifted + 20);
+}
+
+#[test]
+fn a_foot_that_has_not_touched_at_its_time_is_moved_on_until_it_does() {
+    let (_, as_planned) = strides(|_| true);
+    let lifted = as_planned.iter().position(|(load, _)| *load == 0.0).expect("it swings");
+    let lifted_at = 0.005 * lifted as f64;
+    let (planner, seen) = strides(|time| time < lifted_at || time >= lifted_at + 0.23);
+    assert_eq!(carries(&seen, lifted), lifted + 46);
+    assert_eq!(planner.early_and_late(1), [0, 1]);
+    // 25 ms after the end of its swing, at 0.3 m/s
+    let (end, later) = (seen[lifted + 40].1.z, seen[lifted + 45].1.z);
+    assert!((end - later - 0.3 * 0.025).abs() < 1e-6, "{end} {later}");
+    // one that never touches counts as standing 80 ms after it
+    let (_, never) = strides(|time| time < lifted_at);
+    assert_eq!(carries(&never, lifted), lifted + 56);
 }

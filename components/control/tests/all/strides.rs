@@ -4,7 +4,7 @@ use std::path::Path;
 
 use motorium::launcher::{Exit, Report};
 use motorium::prelude::*;
-use motorium::state::{ContactSchedule, ControlDiagnostics};
+use motorium::state::{ContactSchedule, ControlDiagnostics, FootContacts};
 use motorium::testing::{Graph, Instance, Probe, Source};
 use motorium_control::{MpcPlanner, QpController};
 use motorium_robots::{Loaded, load};
@@ -144,6 +144,10 @@ fn planners_that_cannot_work_are_refused_by_their_key() {
     refused(with("{ gravity = [1.0, 0.0, -9.81] }"), &["gravity", "along -z"]);
     refused(with("{ velocity = [0.5, 0.0, 0.0] }"), &["velocity", "without a gait"]);
     refused(with("{ weights = { turn = [1.0, -1.0, 1.0] } }"), &["weights.turn"]);
+    refused(with("{ ground = { normal = [1.0, 0.0, 0.1] } }"), &["ground.normal", "points up"]);
+    refused(with("{ ground = \"hilly\" }"), &["ground"]);
+    refused(with("{ landing = { early_from = 2.0 } }"), &["landing.early_from"]);
+    refused(with("{ landing = { early_from = 0.7 } }"), &["input `feet`", "`landing` is about"]);
     let gait = |rest: &str| with(&format!("{{ gait = {{ period = \"0.4 s\", {rest} }} }}"));
     refused(gait("offsets = { front_left = 0.0 }"), &["gait.offsets", "`front_right` has no offset"]);
     refused(gait("offsets = { left = 0.0 }"), &["gait.offsets", "no foot `left`", "it has front_left"]);
@@ -157,6 +161,79 @@ fn planners_that_cannot_work_are_refused_by_their_key() {
         .robot("airborne", "quadrotor")
         .with(Instance::of::<MpcPlanner>("planner").robot("airborne").rate("200 Hz"));
     refused(airborne, &["no feet", "[feet.NAME]"]);
+}
+
+#[test]
+fn steps_whose_contacts_are_of_other_feet_or_missing_are_told_and_the_gait_alone_counts() {
+    let without = |feet: usize| {
+        let contacts = Source::new("contacts", "feet", move |tick| {
+            let mut contacts = FootContacts::default();
+            contacts.set_count(feet);
+            contacts.contact_mut().fill(1);
+            (tick.time() < 0.25).then_some(contacts)
+        });
+        let planner = planner("{ landing = { early_from = 0.4 } }").subscribe("feet", "feet");
+        let report = standing([0.0; 3]).with(contacts.rate("1 kHz")).with(planner).run("500 ms").unwrap();
+        no_allocations(&report, "planner");
+        number(&report.results["planner"]["steps_without_fresh_contacts"])
+    };
+    // 100 steps, of which those after 0.27 s have none
+    let (all, of_two) = (without(4), without(2));
+    assert!((44.0..=48.0).contains(&all) && of_two > 98.0, "{all} {of_two}");
+    let unwired = standing([0.0; 3]).with(planner("{}")).run("100 ms").unwrap();
+    assert!(unwired.results["planner"].get("steps_without_fresh_contacts").is_none());
+}
+
+/// The last command of a controller whose body is to move far aside, so that friction decides; the schedule has the ground tilted, and
+/// falls silent after this time.
+fn pushed_on_a_slope(silent_from: f64) -> Vec<f64> {
+    let commands = Probe::<JointCommand>::of("command");
+    let schedule = Source::new("schedule", "schedule", move |tick| {
+        let mut schedule = ContactSchedule::default();
+        schedule.set_count(4);
+        schedule.load_mut().fill(1.0);
+        schedule.ground_normal = [-0.3, 0.0, 1.0];
+        (tick.time() < silent_from).then_some(schedule)
+    });
+    let tasks = "{ inverse_dynamics = {}, tasks = [\
+        { cartesian = { name = \"base\", frame = \"base\", target = \"base_target\", gain = 20.0 } }, { posture = { weight = 0.01 } } ] }";
+    let robot = quadruped();
+    let home = robot.profile.unwrap().configuration(&robot.model, "standing").unwrap();
+    let aside = PoseTarget {
+        position: [home[0] + 0.5, home[1], home[2]],
+        orientation: [0.0, 0.0, 0.0, 1.0],
+        ..PoseTarget::default()
+    };
+    let controller = Instance::of::<QpController>("controller")
+        .robot("robot")
+        .trigger("joints")
+        .subscribe("joint_state", "joints")
+        .subscribe("base_state", "base")
+        .subscribe("contact_schedule", "schedule")
+        .subscribe("base_target", "base_target")
+        .publish("joint_command", "command")
+        .set("config", config(tasks));
+    let report = standing([0.0; 3])
+        .with(Source::new("body", "base_target", move |_| Some(aside)).rate("1 kHz"))
+        .with(schedule.rate("1 kHz"))
+        .with(controller)
+        .with(&commands)
+        .run("1 s")
+        .unwrap();
+    assert_eq!(report.exit, Exit::Finished);
+    let last = commands.values().pop().unwrap();
+    last.effort().to_vec()
+}
+
+#[test]
+fn the_ground_stays_tilted_as_the_last_schedule_had_it_after_that_falls_silent() {
+    let apart = |one: &[f64], other: &[f64]| {
+        one.iter().zip(other).map(|(one, other)| (one - other).abs()).fold(0.0, f64::max)
+    };
+    let (told, silent, never) =
+        (pushed_on_a_slope(f64::INFINITY), pushed_on_a_slope(0.5), pushed_on_a_slope(0.0));
+    assert!(apart(&told, &never) > 0.5, "friction decides: {told:?} {never:?}");
+    assert!(apart(&told, &silent) < 1e-6, "{told:?} {silent:?}");
 }
 
 /// A controller that follows a schedule by which the first foot is in the air for half a second, and which then falls silent.

@@ -87,6 +87,49 @@ fn configurations_of_torques_that_cannot_work_are_refused_by_their_key() {
         with("{ tasks = [{ capture_point = {} }] }"),
         &["tasks[0].capture_point", "needs `inverse_dynamics`"],
     );
+    let alone = |unknowns: &str, tasks: &str| {
+        with(&format!(
+            "{{ inverse_dynamics = {{ contacts = [{{ frame = \"panda_hand\" }}], {unknowns} }}, tasks = [{tasks}] }}"
+        ))
+    };
+    let (forces, accelerations) = ("unknowns = \"forces\"", "unknowns = \"accelerations\"");
+    refused(
+        alone(forces, "{ posture = {} }"),
+        &["tasks[0].posture", "motions of the joints", "contact forces alone"],
+    );
+    refused(
+        alone(accelerations, "{ contact_wrench = { contact = \"panda_hand\" } }"),
+        &["tasks[0].contact_wrench", "about forces", "accelerations alone"],
+    );
+    refused(
+        alone("unknowns = \"forces\", braking = 5.0", "{ cartesian = {} }"),
+        &["inverse_dynamics.braking", "no use for it"],
+    );
+    refused(
+        alone("unknowns = \"accelerations\", torque_fraction = 0.5", "{ cartesian = {} }"),
+        &["inverse_dynamics.torque_fraction", "no use for it"],
+    );
+    let pressed = "unknowns = \"accelerations\", contacts = [{ frame = \"panda_hand\", sole = [0.1, 0.1], wrench = { min_force = 5.0 } }]";
+    refused(
+        with(&torques(pressed)),
+        &["inverse_dynamics.contacts[0].wrench.min_force", "no use for it", "accelerations_and_forces"],
+    );
+    for (limit, key) in [
+        ("position = { margin = 0.1 }", "position.margin"),
+        ("velocity = { fraction = 0.5 }", "velocity.fraction"),
+    ] {
+        let config = format!(
+            "{{ inverse_dynamics = {{ contacts = [{{ frame = \"panda_hand\" }}], {forces} }}, limits = {{ {limit} }} }}"
+        );
+        refused(with(&config), &[&format!("limits.{key}"), "no use for it", "accelerations_and_forces"]);
+    }
+    let scaled = bare_controller(
+        "{ inverse_dynamics = { unknowns = \"forces\" }, tasks = [{ centre_of_mass = {} }] }",
+    );
+    let scaled = scaled.robot("walker").subscribe("base_state", "base").parameter("velocity_fraction", 0.5);
+    let walker = Graph::new("walker").robot("walker", "quadruped").with(scaled);
+    refused(walker, &["no parameter `velocity_fraction`"]);
+    refused(with(&torques("unknowns = \"forces\"")), &["inverse_dynamics.unknowns", "without a contact"]);
     let contact = |rest: &str| with(&torques(&format!("contacts = [{{ frame = \"panda_hand\", {rest} }}]")));
     refused(contact("margin = 0.1"), &["contacts[0].margin", "no sole"]);
     refused(contact("sole = [0.3, 0.1], margin = 0.05"), &["contacts[0].margin", "0.05 m leaves nothing"]);
@@ -99,4 +142,21 @@ fn a_floating_base_asks_for_torques_and_for_its_state() {
     };
     refused(walker("{}"), &["floating base", "add `inverse_dynamics = {}`"]);
     refused(walker("{ inverse_dynamics = {}, tasks = [{ posture = {} }] }"), &["base_state"]);
+}
+
+#[test]
+fn accelerations_alone_reach_the_goals_by_positions_with_all_of_the_gains_or_by_torques() {
+    for (rest, share) in [("", 1.0), (", impedance = 0.0", 0.0)] {
+        let report = reach(&torques(&format!("unknowns = \"accelerations\"{rest}")));
+        let result = &report.results["controller"];
+        assert_eq!(result["goals_reached"], 2, "{result}");
+        assert!(number(&result["position_error_m"]) < 1e-3, "{result}");
+        assert_eq!(result["steps_without_solution"], 0);
+        assert_eq!(report.results["plant"]["broken_limits"], 0);
+        let robot = motorium_robots::load("panda", std::path::Path::new(".")).unwrap();
+        let gains = robot.profile.unwrap().gains(&robot.model).unwrap();
+        assert_eq!(number(&report.results["plant"]["kp"][0]), share * gains.kp[0]);
+        let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
+        assert_eq!((controller.allocations, controller.allocations_apart), (Some(0), Some(0)));
+    }
 }

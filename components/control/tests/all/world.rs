@@ -157,3 +157,84 @@ fn objects_and_grounds_that_are_not_there_or_in_the_way_at_home_are_refused() {
     refused(&format!("{{ {}, {LIMIT} }}", world(middle(), ", mass = 1.0")), &["object_poses"]);
     refused(&format!("{{ {}, {LIMIT} }}", world(middle(), ", mass = -1.0")), &["world", "ball", "mass"]);
 }
+
+/// A file beside the graph; the graph is taken for one in that folder.
+fn beside(graph: Graph, name: &str, text: &str) -> (Graph, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join(name), text).unwrap();
+    (graph.at(&folder.path().join("graph.toml")), folder)
+}
+
+/// A world of MJCF: level ground, and a ball far away or, as `ball`, at this place.
+fn yard(at: Vector3<f64>) -> String {
+    format!(
+        "<mujoco model=\"yard\"><worldbody><geom name=\"floor\" type=\"plane\" size=\"0 0 1\" pos=\"0 0 -1\"/>\
+         <geom name=\"ball\" type=\"sphere\" size=\"{RADIUS}\" pos=\"{} {} {}\"/></worldbody></mujoco>",
+        at.x, at.y, at.z
+    )
+}
+
+/// An object far away from everything.
+const FAR: &str = "{ name = \"far\", shape = { sphere = { radius = 0.1 } }, position = [9.0, 9.0, 9.0] }";
+
+#[test]
+fn objects_and_ground_of_the_file_of_a_world_are_kept_away_from() {
+    for (level, own) in [("", ""), ("", FAR), ("inverse_dynamics = {},", FAR)] {
+        let config = format!(
+            "{{ {level} world = {{ file = \"yard.xml\", objects = [{own}] }}, limits = {{ collision = {{ distance = 0.03, ground = \"world\", objects = \"all\" }} }} }}"
+        );
+        let (graph, _folder) = beside(reaching(&config), "yard.xml", &yard(middle()));
+        let kept = distance(&checked(run(graph)));
+        assert!((0.028..0.05).contains(&kept), "{level} {own} {kept}");
+    }
+    let (graph, _folder) =
+        beside(reaching("{ world = { file = \"yard.xml\" } }"), "yard.xml", "<mujoco><tree/></mujoco>");
+    let error = graph.check().expect_err("it must be refused").render(false);
+    assert!(error.contains("world") && error.contains("yard.xml:1:9"), "{error}");
+}
+
+#[test]
+fn objects_that_move_are_counted_after_those_of_the_file_of_the_world() {
+    let poses = Source::new("objects", "world/objects", |_| {
+        let at = middle();
+        let mut poses = ObjectPoses::default();
+        poses.set_count(1);
+        // the ball of the file is the first
+        poses.object_mut()[0] = 1;
+        poses.position_x_mut()[0] = at.x;
+        poses.position_y_mut()[0] = at.y;
+        poses.position_z_mut()[0] = at.z;
+        poses.orientation_w_mut()[0] = 1.0;
+        Some(poses)
+    });
+    let config = format!(
+        "{{ world = {{ file = \"yard.xml\", objects = [{{ name = \"rolling\", shape = {{ sphere = {{ radius = {RADIUS} }} }}, mass = 1.0, position = [9.0, 9.0, 9.0] }}] }}, \
+         limits = {{ collision = {{ distance = 0.03, objects = \"all\" }} }} }}"
+    );
+    let targets = Targets { offsets: vec![INTO], ..Targets::default() };
+    let controller = controller(&config).subscribe("object_poses", "world/objects");
+    let graph = graph("{}", targets, controller).with(poses);
+    let (graph, _folder) = beside(graph, "yard.xml", &yard(Vector3::new(-5.0, 0.0, 0.0)));
+    let kept = distance(&checked(run(graph)));
+    assert!((0.028..0.05).contains(&kept), "{kept}");
+}
+
+#[test]
+fn an_object_of_a_mesh_beside_the_graph_is_kept_away_from() {
+    // a cube about the ball
+    let mut cube = String::new();
+    for corner in 0..8 {
+        let side = |bit: u32| if corner & bit == 0 { -RADIUS } else { RADIUS };
+        cube += &format!("v {} {} {}\n", side(1), side(2), side(4));
+    }
+    cube += "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    let [x, y, z] = middle().into();
+    let config = format!(
+        "{{ world = {{ objects = [{{ name = \"crate\", shape = {{ mesh = {{ file = \"crate.obj\" }} }}, position = [{x}, {y}, {z}] }}] }}, \
+         limits = {{ collision = {{ distance = 0.03, objects = \"all\" }} }} }}"
+    );
+    let (graph, _folder) = beside(reaching(&config), "crate.obj", &cube);
+    let kept = distance(&checked(run(graph)));
+    // the ball touches the sides of the cube from within
+    assert!((0.028..0.1).contains(&kept), "{kept}");
+}

@@ -13,6 +13,7 @@ mod points;
 mod robots;
 mod second_order;
 mod tasks;
+mod unknowns;
 mod velocity;
 mod wrench_cones;
 mod wrenches;

@@ -2,7 +2,9 @@
 
 use core::ops::Range;
 
-use motorium_robots::{Actuator, ActuatorNetwork, Delay, DriveCommand, Motor};
+use motorium_robots::{
+    Actuator, ActuatorError, ActuatorNetwork, ActuatorSettings, Delay, DriveCommand, Motor,
+};
 
 use super::integrator::JointSpaceIntegrator;
 use crate::command::BRAKING_BAND;
@@ -22,6 +24,7 @@ pub(super) struct Actuators {
 #[derive(Clone, Debug)]
 struct Driven {
     joint: usize,
+    settings: ActuatorSettings,
     /// Before the step, and after the part of it that is done.
     now: Actuator,
     next: Actuator,
@@ -52,6 +55,7 @@ impl Actuators {
             let network = settings.network.clone().map(ActuatorNetwork::new);
             driven.push(Driven {
                 joint,
+                settings: settings.clone(),
                 now: actuator,
                 next: actuator,
                 delay,
@@ -63,6 +67,29 @@ impl Actuators {
         }
         let commands = if driven.is_empty() { 0 } else { joints.len() };
         Ok(Self { joints: driven, commands: vec![JointCommand::default(); commands] })
+    }
+
+    /// The settings, one per joint; empty where all are ideal.
+    pub(super) fn settings(&self) -> Vec<Option<ActuatorSettings>> {
+        let mut settings = vec![None; self.commands.len()];
+        self.joints.iter().for_each(|driven| settings[driven.joint] = Some(driven.settings.clone()));
+        settings
+    }
+
+    /// Takes over other settings of the actuators there are, whose networks stay; effort, heat and what is under way stay as they are.
+    pub(super) fn set_settings(
+        &mut self,
+        settings: &[Option<ActuatorSettings>],
+    ) -> Result<(), ActuatorError> {
+        for driven in &mut self.joints {
+            let Some(Some(settings)) = settings.get(driven.joint) else { continue };
+            driven.now.set_settings(settings)?;
+            if driven.settings.delay != settings.delay {
+                driven.delay.set_delay(settings.delay);
+            }
+            driven.settings.clone_from(settings);
+        }
+        Ok(())
     }
 
     /// Takes over other effort limits.

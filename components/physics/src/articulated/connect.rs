@@ -4,7 +4,7 @@ use motorium_robots::Model;
 use nalgebra::{Isometry3, Translation3};
 
 use super::Articulated;
-use crate::contact::Owner;
+use crate::contact::{Member, Owner};
 use crate::robot::Robot;
 use crate::{ConnectError, Connection, World};
 
@@ -25,11 +25,11 @@ impl Articulated {
         };
         let a = self.part(robot, world, first).ok_or_else(|| unknown(first))?;
         let b = self.part(robot, world, second).ok_or_else(|| unknown(second))?;
-        if a.0 == b.0 {
+        if a.0.owner == b.0.owner {
             return Err(ConnectError::Rigid { first: first.clone(), second: second.clone() });
         }
         let frame = a.1 * Isometry3::from(Translation3::from(*point));
-        let there = self.pose_of(robot, b.0).inverse() * self.pose_of(robot, a.0) * frame;
+        let there = self.pose_of(robot, b.0.owner).inverse() * self.pose_of(robot, a.0.owner) * frame;
         self.scene.connect([a.0, b.0], [frame, there], (*kind, lasting));
         self.place(robot);
         Ok(())
@@ -48,12 +48,12 @@ impl Articulated {
     }
 
     /// The part that a link, an object or the world moves with, and its frame there.
-    fn part(&self, robot: &Robot, world: &World, name: &str) -> Option<(Owner, Isometry3<f64>)> {
+    fn part(&self, robot: &Robot, world: &World, name: &str) -> Option<(Member, Isometry3<f64>)> {
         if name == "world" {
-            return Some((Owner::World, Isometry3::identity()));
+            return Some((Member { owner: Owner::World, fixed: None }, Isometry3::identity()));
         }
         if let Some(index) = world.objects.iter().position(|object| object.name == name) {
-            return Some(self.scene.owner_of_object(index));
+            return Some(self.scene.member_of_object(index));
         }
         robot.articulations.iter().enumerate().find_map(|(of, own)| {
             let model: &Model = &own.model;
@@ -63,7 +63,7 @@ impl Articulated {
                 None if model.base().floating && !frame.in_world => Owner::Base(of),
                 None => Owner::World,
             };
-            Some((owner, frame.placement))
+            Some((Member { owner, fixed: None }, frame.placement))
         })
     }
 

@@ -11,7 +11,7 @@ mod part;
 mod push;
 mod step;
 
-use motorium_robots::FrameId;
+use motorium_robots::{ActuatorError, ActuatorSettings, FrameId};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 use crate::contact::{Colliders, ContactScene, ImpulseSums, SceneState};
@@ -131,6 +131,8 @@ impl Engine for Articulated {
         rolling_friction: true,
         conveyors: true,
         textures: true,
+        triangles: true,
+        changes: true,
         integrators: true,
     };
 
@@ -175,6 +177,14 @@ impl Engine for Articulated {
         }
         self.scene.set_properties(surfaces, &robot.articulations);
         Ok(())
+    }
+
+    fn actuators(&self) -> Vec<Vec<Option<ActuatorSettings>>> {
+        self.parts.iter().map(|part| part.actuators.settings()).collect()
+    }
+
+    fn set_actuators(&mut self, settings: &[Vec<Option<ActuatorSettings>>]) -> Result<(), ActuatorError> {
+        self.parts.iter_mut().zip(settings).try_for_each(|(part, own)| part.actuators.set_settings(own))
     }
 
     fn apply_wrench(
@@ -249,8 +259,7 @@ impl Engine for Articulated {
     }
 
     fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>> {
-        let objects = self.scene.objects.movable.len();
-        self.rays.cast(self.scene.colliders(), (robot, |index| self.object_pose(index)), ray, objects)
+        self.rays.cast(self.scene.colliders(), (robot, |index| self.object_pose(index)), ray)
     }
 
     fn diverged_object(&self) -> Option<usize> {

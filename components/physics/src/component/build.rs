@@ -21,6 +21,8 @@ pub(super) struct Built<E> {
     pub(super) robots: Vec<BuiltRobot>,
     /// Articulations whose floating base starts on the ground, wherever that is.
     pub(super) on_ground: Vec<usize>,
+    /// Doubts about the file of the world.
+    pub(super) doubts: Vec<String>,
 }
 
 /// One robot of a simulation.
@@ -54,13 +56,24 @@ pub(super) fn build<E: PhysicsEngine>(
     folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     let mut config = config.clone();
-    config.world.locate(folder);
-    match (robot, robots) {
+    let stated = config.world.gravity;
+    let located = config.world.locate(folder);
+    let located = located.map_err(|error| ConfigError::key("world", error.to_string()))?;
+    let mut doubts: Vec<String> = located.iter().map(|warning| format!("world: {warning}")).collect();
+    let gravity = config.world.gravity;
+    if gravity != stated {
+        doubts.push(format!(
+            "the file of the world states a gravity of {gravity:?}, and controllers reckon with that of the graph: write `gravity = {gravity:?}` \
+             beside `file`"
+        ));
+    }
+    let built = match (robot, robots) {
         (Some(robot), _) => one(&config, robot, folder),
         (None, []) => Err(ConfigError::new("it simulates a robot, but the component names none")
             .advise("add `robot = \"NAME\"`, or `robots = [\"ONE\", \"OTHER\"]`")),
         (None, robots) => several(&config, robots, folder),
-    }
+    };
+    Ok(Built { doubts, ..built? })
 }
 
 pub(super) fn load(
@@ -115,7 +128,7 @@ fn one<E: PhysicsEngine>(
     E::prepare(&mut simulation, &on_ground);
     config.connect(&mut simulation)?;
     let robot = BuiltRobot { name: None, loaded, articulation: 0, drives: 0..drives };
-    Ok(Built { simulation, robots: vec![robot], on_ground })
+    Ok(Built { simulation, robots: vec![robot], on_ground, doubts: Vec::new() })
 }
 
 /// Several robots. Each that moves freely is an articulation, and those with fixed bases are one together: their trees
@@ -175,7 +188,8 @@ fn several<E: PhysicsEngine>(
         articulation,
         drives,
     });
-    Ok(Built { simulation, robots: built.collect(), on_ground: anywhere })
+    let (robots, doubts) = (built.collect(), Vec::new());
+    Ok(Built { simulation, robots, on_ground: anywhere, doubts })
 }
 
 /// Gives each articulation the actuators of its joints.

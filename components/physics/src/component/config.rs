@@ -319,6 +319,9 @@ pub(super) fn refused(error: BuildError) -> ConfigError {
         BuildError::Actuator { ref joint, ref error } => {
             ConfigError::key(format!("actuators.{joint}.{}", error.setting), message)
         }
+        BuildError::Unable { ref owner, surface: Some(surface), .. } => {
+            ConfigError::key(format!("surfaces.{owner}.{surface}"), message)
+        }
         BuildError::World(_) | BuildError::Terrain | BuildError::Unable { .. } => {
             ConfigError::key("world", message)
         }

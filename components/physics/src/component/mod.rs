@@ -27,8 +27,8 @@ pub use pushes::PushConfig;
 use pushes::Pushes;
 use randomise::Randomiser;
 pub use randomise::{
-    Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals, SurfaceIntervals,
-    TerrainIntervals,
+    ActuatorIntervals, Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals,
+    SurfaceIntervals, TerrainIntervals,
 };
 use robots::{Actuated, SafeStates, position};
 use truth::Truth;
@@ -91,7 +91,10 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         // Everything that could be refused later is refused now.
         let built = build::<E>(config, declare.robot(), declare.robots(), declare.folder())?;
         randomise::declare(&config.randomise, &built, declare)?;
-        let Built { simulation, robots, .. } = built;
+        let Built { simulation, robots, doubts, .. } = built;
+        for doubt in doubts {
+            declare.warn(doubt);
+        }
         Pushes::new(&config.pushes, simulation.articulations())?;
         // Links that are always close are how the robot is built: nothing that its user could mend.
         let mut warnings = simulation.warnings().to_vec();
@@ -108,13 +111,13 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
                 declare.output::<BaseState>(&robot.port("base_state"), doc);
             }
         }
-        truth::declare(&robots, &config.world, declare);
+        truth::declare(&robots, &simulation.world, declare);
         Ok(())
     }
 
     fn configure(config: PhysicsConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let (one, several) = (setup.robot().ok().cloned(), setup.robots().to_vec());
-        let Built { mut simulation, robots, on_ground } =
+        let Built { mut simulation, robots, on_ground, .. } =
             build::<E>(&config, one.as_ref(), &several, setup.folder())?;
         let (start_q, start_v) = (simulation.configuration().to_vec(), simulation.velocity().to_vec());
         let (nq, nv) = (start_q.len(), start_v.len());
@@ -152,9 +155,14 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
 
     fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
         let periods = tick.periods_since(self.last_ns.replace(tick.time_ns), tick.time_ns);
+        if let Some(randomiser) = self.randomiser.as_mut().filter(|_| !tick.settling) {
+            let followed = randomiser.follow(&mut self.simulation, tick.time_ns);
+            followed.map_err(|error| StepError::failed(error.to_string()))?;
+        }
         for _ in 0..periods {
             for robot in &mut self.robots {
-                robot.apply_command(&mut self.simulation, &mut self.safe_states, tick);
+                let factors = self.randomiser.as_ref().map(Randomiser::drives);
+                robot.apply_command(&mut self.simulation, &mut self.safe_states, (tick, factors));
             }
             if !tick.settling {
                 self.pushes.apply(&mut self.simulation, tick.time_ns);

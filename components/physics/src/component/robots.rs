@@ -113,10 +113,11 @@ impl Actuated {
         &mut self,
         simulation: &mut Simulation<E>,
         safe_states: &mut SafeStates,
-        tick: &Tick,
+        (tick, factors): (&Tick, Option<&[[f64; 2]]>),
     ) {
+        let factors = factors.map(|factors| &factors[self.drives.clone()]);
         let Some(gate) = &mut self.gate else {
-            apply_as_given(&mut self.command, &mut simulation.commands_mut()[self.drives.clone()]);
+            apply_as_given(&mut self.command, &mut simulation.commands_mut()[self.drives.clone()], factors);
             return;
         };
         let (drives, own) = (self.drives.clone(), &simulation.articulations()[self.articulation]);
@@ -137,9 +138,10 @@ impl Actuated {
         self.safe += u64::from(!tick.settling && matches!(verdict, Verdict::Safe { .. }));
         self.resuming += u64::from(verdict == Verdict::Resuming);
         let commands = &mut simulation.commands_mut()[drives];
-        for (command, setpoint) in commands.iter_mut().zip(gate.setpoints()) {
+        for (index, (command, setpoint)) in commands.iter_mut().zip(gate.setpoints()).enumerate() {
             let JointSetpoint { position, velocity, effort, kp, kd, min_velocity, max_velocity } = *setpoint;
-            *command = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
+            let given = JointCommand { position, velocity, effort, kp, kd, min_velocity, max_velocity };
+            *command = scaled(given, factors, index);
         }
     }
 
@@ -222,7 +224,11 @@ fn own_names(names: &[String], robot: &str) -> Vec<String> {
 }
 
 /// Applies the newest command of simulated drives as it is; one for another number of drives is no command.
-fn apply_as_given(input: &mut Input<state::JointCommand>, commands: &mut [JointCommand]) {
+fn apply_as_given(
+    input: &mut Input<state::JointCommand>,
+    commands: &mut [JointCommand],
+    factors: Option<&[[f64; 2]]>,
+) {
     let Some(newest) = input.latest().filter(|newest| newest.count() == commands.len()) else { return };
     for (i, command) in commands.iter_mut().enumerate() {
         let given = JointCommand {
@@ -234,7 +240,18 @@ fn apply_as_given(input: &mut Input<state::JointCommand>, commands: &mut [JointC
             ..JointCommand::default()
         };
         if given.is_valid() {
-            *command = given;
+            *command = scaled(given, factors, i);
         }
+    }
+}
+
+/// A command as a drive of other gain and strength takes it.
+fn scaled(command: JointCommand, factors: Option<&[[f64; 2]]>, index: usize) -> JointCommand {
+    let Some([gain, strength]) = factors.map(|factors| factors[index]) else { return command };
+    JointCommand {
+        effort: command.effort * strength,
+        kp: command.kp * gain * strength,
+        kd: command.kd * gain * strength,
+        ..command
     }
 }

@@ -1,11 +1,12 @@
 //! The colliders of a simulation: solids of the collision model with their surface properties, and pairs of them.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use motorium_robots::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, Grain,
-    HeightField, MeshMode, Softness, Terrain, TerrainError,
+    HeightField, MeshMode, Object, ObjectShape, Softness, Terrain, TerrainError, TriangleSurface,
 };
 use nalgebra::{Isometry3, Vector3};
 
@@ -43,6 +44,14 @@ impl Owner {
     }
 }
 
+/// What a connection holds: a part of the simulation, or one of the objects that are fixed in the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Member {
+    pub(crate) owner: Owner,
+    /// Index of the object, of one that is fixed.
+    pub(crate) fixed: Option<usize>,
+}
+
 /// A convex shape with surface properties, fixed to its owner.
 #[derive(Clone, Debug)]
 pub(crate) struct Collider {
@@ -50,8 +59,16 @@ pub(crate) struct Collider {
     pub(crate) name: String,
     pub(crate) owner: Owner,
     pub(crate) shape: ConvexShape,
-    /// Frame of the shape in that of its owner. Objects that move are placed at the origin of their own frame.
+    /// Frame of the shape in that of its owner. Objects that move are owners in the frame of their principal axes of inertia.
     pub(crate) placement: Isometry3<f64>,
+    /// Index of the object that it is, of one that is fixed.
+    pub(crate) fixed: Option<usize>,
+    /// Of a part of a mesh: index of its object in the world, and its frame in that of the object.
+    pub(crate) part: Option<(usize, Isometry3<f64>)>,
+    /// The triangles by which it touches, about the origin of its shape, which is their box.
+    pub(crate) surface: Option<Arc<TriangleSurface>>,
+    /// Planes of the faces of the hull of an object: outward normal, and height along it \[m\].
+    pub(crate) faces: Vec<(Vector3<f64>, f64)>,
     pub(crate) friction: f64,
     /// Coefficients of torsional and of rolling friction \[m\].
     pub(crate) torsional: f64,
@@ -74,6 +91,13 @@ pub(crate) struct ColliderGrain {
     described: [f64; 2],
 }
 
+impl Collider {
+    /// What a connection holds of it.
+    pub(crate) fn member(&self) -> Member {
+        Member { owner: self.owner, fixed: self.fixed }
+    }
+}
+
 impl ColliderGrain {
     fn new(direction: Vector3<f64>, along: f64, across: f64) -> Self {
         Self { direction, along, described: [across, along] }
@@ -89,8 +113,10 @@ impl ColliderGrain {
 /// All colliders, those of robots first, then objects, then the ground or the terrain, and the pairs of them that may touch.
 pub(crate) struct Colliders {
     pub(crate) colliders: Vec<Collider>,
-    /// Index of the collider of the first object of the world.
+    /// Index of the first collider of the first object of the world.
     pub(crate) first_object: usize,
+    /// The colliders of each object of the world.
+    pub(crate) objects: Vec<Range<usize>>,
     /// The collision model they come from: the same indices and pairs. The terrain is no part of it.
     pub(crate) model: CollisionModel,
     /// The surface of the terrain, which is the last collider; its shape there stands for it.
@@ -130,14 +156,19 @@ impl Colliders {
             }
             CollisionError::UnknownLink { .. } => BuildWarning::RuleIgnored { reason: defect.to_string() },
         }));
+        let mut objects = Vec::with_capacity(world.objects.len());
         for object in &world.objects {
-            let (geometry, pose) = (object.shape.geometry(), object.pose());
-            let added = if object.is_dynamic() {
-                model.add_free_object(&object.name, pose, geometry, MeshMode::Outermost)
-            } else {
-                model.add_obstacle(&object.name, pose, geometry, MeshMode::Outermost)
-            };
-            added.expect("the sizes of objects have been checked with the world");
+            let (first, pose, moves) = (model.solid_count(), object.pose(), object.is_dynamic());
+            let mode = if surface_of(object).is_some() { MeshMode::Surface } else { PART };
+            for geometry in object.shape.geometries() {
+                let added = if moves {
+                    model.add_free_object(&object.name, pose, geometry, mode)
+                } else {
+                    model.add_obstacle(&object.name, pose, geometry, mode)
+                };
+                added.expect("the shapes of objects have been checked with the world");
+            }
+            objects.push(first..model.solid_count());
         }
         if let Some(ground) = &world.ground {
             model.add_half_space("ground", Isometry3::translation(0.0, 0.0, ground.height));
@@ -145,7 +176,10 @@ impl Colliders {
         let setup = |index: usize| model.robot(index).map(|of| (of, &setups[of]));
         let mut colliders: Vec<Collider> = (0..model.solid_count())
             .map(|index| {
-                let object = index.checked_sub(first_object).map(|index| (index, world.objects.get(index)));
+                let object = (index >= first_object).then(|| {
+                    let of = objects.partition_point(|colliders: &Range<usize>| colliders.end <= index);
+                    (of, world.objects.get(of))
+                });
                 let free =
                     |until: usize| world.objects[..until].iter().filter(|object| object.is_dynamic()).count();
                 let owner = match (model.attachment(index), object, setup(index)) {
@@ -183,13 +217,30 @@ impl Colliders {
                         (friction, own(|setup| &setup.restitution, options.restitution))
                     }
                 };
-                let moves_freely = matches!(owner, Owner::Object(_));
                 let ([torsional, rolling], conveyor) = turning;
+                let mesh = object.and_then(|(of, object)| Some((of, object?)));
+                let mesh = mesh.filter(|(_, object)| matches!(object.shape, ObjectShape::Mesh(_)));
+                let part = mesh.map(|(of, object)| (of, object.pose().inv_mul(&model.placement(index))));
+                let surface = mesh.and_then(|(_, object)| surface_of(object));
+                let shape = match &surface {
+                    Some(surface) => ConvexShape::Hull { points: surface.corners() },
+                    None => model.convex_shape(index),
+                };
+                let in_object = || part.map_or_else(Isometry3::identity, |(_, part)| part);
+                let axes = mesh.and_then(|(_, object)| object.mass_properties()?.frame);
                 Collider {
                     name: model.link(index).to_owned(),
                     owner,
-                    shape: model.convex_shape(index),
-                    placement: if moves_freely { Isometry3::identity() } else { model.placement(index) },
+                    faces: if part.is_some() && surface.is_none() { shape.faces() } else { Vec::new() },
+                    shape,
+                    placement: match (owner, axes) {
+                        (Owner::Object(_), Some(axes)) => axes.inv_mul(&in_object()),
+                        (Owner::Object(_), None) => in_object(),
+                        _ => model.placement(index),
+                    },
+                    fixed: object.and_then(|(of, object)| (!object?.is_dynamic()).then_some(of)),
+                    part,
+                    surface,
                     friction,
                     torsional,
                     rolling,
@@ -200,6 +251,12 @@ impl Colliders {
                 }
             })
             .collect();
+        // Where a mesh touches by its triangles, its edges meet the faces of hulls.
+        if colliders.iter().any(|collider| collider.surface.is_some()) {
+            for collider in colliders.iter_mut().filter(|collider| collider.surface.is_none()) {
+                collider.faces = collider.shape.faces();
+            }
+        }
         // Colliders of one owner, and two that never move, need no check.
         // Links that touch nothing of their own robot touch nothing of another either, as in one model of both.
         let silent = |index: usize| {
@@ -219,6 +276,10 @@ impl Colliders {
                 owner: Owner::World,
                 shape: ConvexShape::HalfSpace,
                 placement: Isometry3::identity(),
+                fixed: None,
+                part: None,
+                surface: None,
+                faces: Vec::new(),
                 friction: terrain.friction,
                 torsional: terrain.torsional_friction,
                 rolling: terrain.rolling_friction,
@@ -229,7 +290,7 @@ impl Colliders {
             });
         }
         let described = world.terrain.clone();
-        Self { colliders, first_object, model, terrain: field.map(Arc::new), described }
+        Self { colliders, first_object, objects, model, terrain: field.map(Arc::new), described }
     }
 
     /// Takes over the heights of another terrain of the same size. True if they are others.
@@ -269,6 +330,16 @@ impl Colliders {
         self.colliders.iter().any(|collider| collider.torsional > 0.0 || collider.rolling > 0.0)
     }
 
+    /// The object of the world that a collider belongs to, and its frame in that of the object where this is another.
+    pub(crate) fn object_of(&self, collider: usize) -> Option<(usize, Option<&Isometry3<f64>>)> {
+        let last = self.objects.last()?.end;
+        if !(self.first_object..last).contains(&collider) {
+            return None;
+        }
+        let of = self.objects.partition_point(|colliders| colliders.end <= collider);
+        Some((of, self.colliders[collider].part.as_ref().map(|(_, frame)| frame)))
+    }
+
     /// True where both colliders are links of the robot, moving or not.
     pub(crate) fn both_links(&self, pair: [usize; 2]) -> bool {
         pair.iter().all(|&index| index < self.first_object)
@@ -301,6 +372,15 @@ impl Colliders {
     pub(crate) fn exclude(&mut self, pairs: &[[usize; 2]]) {
         self.model.retain_pairs(|pair| !pairs.contains(pair));
     }
+}
+
+/// The replacement of the parts of meshes: each is convex already, and has few corners.
+const PART: MeshMode = MeshMode::Hull { most_corners: usize::MAX };
+
+/// The triangles by which an object touches, if it does so.
+fn surface_of(object: &Object) -> Option<Arc<TriangleSurface>> {
+    let ObjectShape::Mesh(mesh) = &object.shape else { return None };
+    mesh.body().ok()?.surface.clone()
 }
 
 /// A grain in the axes of a link, in those of the solid of this index on it.

@@ -3,7 +3,7 @@
 use motorium_robots::Kinematics;
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::colliders::{Collider, Owner};
+use super::colliders::{Collider, Member, Owner};
 use super::detect::{ContactPoint, UNKNOWN};
 use super::objects::FreeBody;
 use super::surface::SurfaceLaw;
@@ -37,7 +37,7 @@ impl Held {
 /// A connection of two parts.
 #[derive(Clone, Debug)]
 pub(crate) struct Joined {
-    pub(crate) owners: [Owner; 2],
+    pub(crate) members: [Member; 2],
     /// The frame that they share, as it lies in each.
     pub(crate) frames: [Isometry3<f64>; 2],
     pub(crate) kind: ConnectionKind,
@@ -62,22 +62,22 @@ impl Connections {
     pub(crate) fn add(
         &mut self,
         colliders: &[Collider],
-        owners: [Owner; 2],
+        members: [Member; 2],
         frames: [Isometry3<f64>; 2],
         (kind, lasting): (ConnectionKind, bool),
     ) {
-        let of = |owner: Owner| {
+        let of = |Member { owner, .. }: Member| {
             let own = |collider: &Collider| collider.owner == owner && owner != Owner::World;
             colliders.iter().position(own)
         };
-        let colliders = owners.map(of);
-        self.all.push(Joined { owners, frames, kind, lasting, colliders, number: self.next });
+        let colliders = members.map(of);
+        self.all.push(Joined { members, frames, kind, lasting, colliders, number: self.next });
         self.next += 1;
         self.points.reserve(self.most());
     }
 
     /// Removes the connections between these two parts; `false` if they have none.
-    pub(crate) fn remove(&mut self, parts: [Owner; 2]) -> bool {
+    pub(crate) fn remove(&mut self, parts: [Member; 2]) -> bool {
         let before = self.all.len();
         self.all.retain(|joined| !joins(joined, parts));
         before > self.all.len()
@@ -104,7 +104,7 @@ impl Connections {
     }
 
     /// True for two parts that are connected.
-    pub(crate) fn joins(&self, parts: [Owner; 2]) -> bool {
+    pub(crate) fn joins(&self, parts: [Member; 2]) -> bool {
         self.all.iter().any(|joined| joins(joined, parts))
     }
 
@@ -122,7 +122,7 @@ impl Connections {
                 Owner::Body(of, body) => kinematics(of).body_pose(body),
                 Owner::Object(object) => objects[object].pose,
             };
-            let [a, b] = [0, 1].map(|side| pose(joined.owners[side]) * joined.frames[side]);
+            let [a, b] = [0, 1].map(|side| pose(joined.members[side].owner) * joined.frames[side]);
             let apart = a.translation.vector - b.translation.vector;
             let point = Point3::from(0.5 * (a.translation.vector + b.translation.vector));
             let mut add = |turning: bool, error: Vector3<f64>| {
@@ -130,7 +130,7 @@ impl Connections {
                     key: CONNECTION | joined.number << 1 | u64::from(turning),
                     // A part may have none: see `colliders`.
                     colliders: (usize::MAX, usize::MAX),
-                    owners: (joined.owners[0], joined.owners[1]),
+                    owners: (joined.members[0].owner, joined.members[1].owner),
                     point,
                     normal: Vector3::x(),
                     distance: 0.0,
@@ -160,6 +160,6 @@ impl Connections {
     }
 }
 
-fn joins(joined: &Joined, [a, b]: [Owner; 2]) -> bool {
-    joined.owners == [a, b] || joined.owners == [b, a]
+fn joins(joined: &Joined, [a, b]: [Member; 2]) -> bool {
+    joined.members == [a, b] || joined.members == [b, a]
 }

@@ -308,7 +308,7 @@ impl Detector {
                 continue;
             }
             let (first, second) = (&all.colliders[pair.first], &all.colliders[pair.second]);
-            if !pair.half_space && connections.joins([first.owner, second.owner]) {
+            if !pair.half_space && connections.joins([first.member(), second.member()]) {
                 continue;
             }
             let places = [pair.first, pair.second];

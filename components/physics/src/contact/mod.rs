@@ -2,7 +2,7 @@
 //!
 //! [Colliders](colliders) are the solids of the [collision model](motorium_robots::CollisionModel) with their surface
 //! properties. [Features](features) are the points of a shape that touch others first; [detection](detect) finds
-//! where they come near another surface ([pair by pair](narrow)) or the [terrain](terrain), for [near pairs](near_pairs) whose
+//! where they come near another surface ([pair by pair](narrow)), the [triangles of a mesh](surfaces) or the [terrain](terrain), for [near pairs](near_pairs) whose
 //! [bounds](bounds) do not rule it out; [impulses](impulses) sets up the problem of the impulses there, so that surfaces do not overlap and friction stays in its [cone](cone). A
 //! [scene] holds all of these.
 
@@ -15,6 +15,7 @@ mod cone_tests;
 mod connections;
 mod detect;
 mod features;
+mod hulls;
 mod impulses;
 mod islands;
 mod narrow;
@@ -26,10 +27,11 @@ mod scene;
 mod site;
 mod sums;
 mod surface;
+mod surfaces;
 mod sweeps;
 mod terrain;
 
-pub(crate) use colliders::{Collider, Colliders, Owner};
+pub(crate) use colliders::{Collider, Colliders, Member, Owner};
 pub(crate) use impulses::{ImpulseTarget, MovedByImpulses};
 pub(crate) use scene::{ContactScene, SceneState};
 pub(crate) use sums::ImpulseSums;

@@ -9,6 +9,7 @@ use super::boxes;
 use super::colliders::Collider;
 use super::detect::Pair;
 use super::features::{ContactGeometry, Feature};
+use super::surfaces;
 
 /// The nearest points of a pair are a contact point of their own when they are nearer than all features by this \[m\].
 const MISSED: f64 = 1e-4;
@@ -23,7 +24,7 @@ pub(super) const AHEAD: f64 = 0.05;
 /// surface, the number of the feature, the point, the normal and the distance. Returns a lower bound of the distance
 /// of the pair \[m\].
 ///
-/// Two boxes touch at the corners of their faces [clipped](boxes) against one another. The points of other pairs are the
+/// A mesh touches by its [triangles](surfaces). Two boxes touch at the corners of their faces [clipped](boxes) against one another. The points of other pairs are the
 /// [features](ContactGeometry::features) of each collider near the surface of the other. If these miss the contact, as
 /// between edges that cross or on a hull, the nearest points of the two are used.
 pub(super) fn measure(
@@ -50,6 +51,14 @@ pub(super) fn measure(
     let gap = gap.norm() - pair.reach;
     if gap > margin + AHEAD {
         return gap;
+    }
+    for (mover, other, second_moves) in [(first, second, false), (second, first, true)] {
+        let Some(surface) = &other.surface else { continue };
+        let places = [pair.first, pair.second].map(|index| distances.pose(index));
+        let [moving, standing] = if second_moves { [1, 0] } else { [0, 1] };
+        let mut found =
+            |feature, point, normal, distance| found(second_moves, feature, point, normal, distance);
+        return surfaces::collide((mover, &places[moving]), (surface, &places[standing]), margin, &mut found);
     }
     if let (ConvexShape::Box { half: one }, ConvexShape::Box { half: two }) = (&first.shape, &second.shape) {
         let (a, b) = (&distances.pose(pair.first), &distances.pose(pair.second));
@@ -93,11 +102,11 @@ fn search(
     mut found: impl FnMut(u32, Point3<f64>, Vector3<f64>, f64),
 ) {
     let relative = onto_pose.inv_mul(from_pose);
-    let Some((_, away)) = onto.shape.surface(&relative.translation.vector) else { return };
+    let Some(away) = onto.away(&relative.translation.vector) else { return };
     let towards = relative.rotation.inverse_transform_vector(&-away);
     from.shape.features(&towards, &mut |Feature { index, point, radius }| {
         let place = relative * Point3::from(point);
-        let Some((height, normal)) = onto.shape.surface_towards(&place.coords, &away) else { return };
+        let Some((height, normal)) = onto.surface_towards(&place.coords, &away) else { return };
         let distance = height - radius;
         if distance < margin {
             let middle = place - normal * (radius + 0.5 * distance);

@@ -2,6 +2,8 @@
 
 use nalgebra::{Isometry3, Matrix3, Translation3, UnitQuaternion, Vector3};
 
+use motorium_robots::ObjectMass;
+
 use super::colliders::Owner;
 use super::detect::ContactPoint;
 use crate::air::Air;
@@ -26,6 +28,8 @@ pub(crate) struct FreeBody {
     pub(crate) asleep: bool,
     /// It touches nothing in the present step, and takes the midpoint rule.
     free: bool,
+    /// The frame of its principal axes at its centre of mass, whose pose this is, in the object; `None` where that is the object's own.
+    pub(crate) axes: Option<Isometry3<f64>>,
 }
 
 /// A body that moves no faster than this \[m/s, rad/s\] hardly moves.
@@ -66,8 +70,14 @@ impl FreeBody {
         (self.still, self.asleep) = (0.0, false);
     }
 
-    /// Places it at rest.
+    /// Pose of the object.
+    pub(crate) fn object_pose(&self) -> Isometry3<f64> {
+        self.axes.map_or(self.pose, |axes| self.pose * axes.inverse())
+    }
+
+    /// Places the object at rest.
     pub(crate) fn stop_at(&mut self, pose: Isometry3<f64>) {
+        let pose = self.axes.map_or(pose, |axes| pose * axes);
         (self.pose, self.linear, self.angular) = (pose, Vector3::zeros(), Vector3::zeros());
     }
 
@@ -142,13 +152,15 @@ impl Objects {
     pub(crate) fn new(world: &World, method: Integrator) -> Self {
         let mut now = Vec::new();
         let movable = world.objects.iter().map(|object| {
-            object.mass.map(|mass| {
-                let inertia = object.shape.principal_inertia(mass);
+            object.mass_properties().map(|ObjectMass { mass, frame: axes, moments: inertia }| {
                 let (linear, angular) = (Vector3::zeros(), Vector3::zeros());
                 let (pose, still, asleep) = (object.pose(), 0.0, false);
                 let drag = object.drag;
                 let free = false;
-                now.push(FreeBody { pose, linear, angular, mass, drag, inertia, still, asleep, free });
+                let mut body =
+                    FreeBody { pose, linear, angular, mass, drag, inertia, still, asleep, free, axes };
+                body.stop_at(pose);
+                now.push(body);
                 now.len() - 1
             })
         });

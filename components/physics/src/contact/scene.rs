@@ -300,8 +300,11 @@ impl ContactScene {
     /// Pose of object `index` of the world.
     pub(crate) fn object_pose(&self, index: usize) -> Isometry3<f64> {
         match self.objects.movable[index] {
-            Some(movable) => self.objects.now[movable].pose,
-            None => self.colliders.colliders[self.object_collider(index)].placement,
+            Some(movable) => self.objects.now[movable].object_pose(),
+            None => {
+                let collider = &self.colliders.colliders[self.colliders.objects[index].start];
+                collider.part.map_or(collider.placement, |(_, part)| collider.placement * part.inverse())
+            }
         }
     }
 
@@ -312,9 +315,11 @@ impl ContactScene {
         match self.objects.movable[index] {
             Some(movable) => self.objects.now[movable].stop_at(*pose),
             None => {
-                let collider = self.object_collider(index);
-                self.colliders.colliders[collider].placement = *pose;
-                self.detector.set_pose(collider, *pose);
+                for index in self.colliders.objects[index].clone() {
+                    let collider = &mut self.colliders.colliders[index];
+                    collider.placement = collider.part.map_or(*pose, |(_, part)| pose * part);
+                    self.detector.set_pose(index, collider.placement);
+                }
             }
         }
     }
@@ -325,11 +330,6 @@ impl ContactScene {
             let body = &self.objects.now[movable];
             (body.linear, body.angular)
         })
-    }
-
-    /// The collider of object `index`: one each, after those of the robot.
-    fn object_collider(&self, index: usize) -> usize {
-        self.colliders.first_object + index
     }
 
     /// True when a contact point of the last step is on a robot.

@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use motorium_robots::{Body, ConvexShape, Coordinate, Inertia, JointKind};
+use motorium_robots::{Body, ConvexShape, Coordinate, Inertia, JointKind, ObjectMass};
 use nalgebra::{Isometry3, Vector3};
 
 use super::contact;
@@ -129,8 +129,8 @@ impl Writer<'_> {
 
     /// The geometries of a part of the robot, or of the world but its objects.
     fn geometries(&mut self, owner: Owner) -> std::fmt::Result {
-        let Colliders { colliders, first_object, .. } = self.colliders;
-        let objects = *first_object..first_object + self.world.objects.len();
+        let Colliders { colliders, first_object, objects, .. } = self.colliders;
+        let objects = *first_object..objects.last().map_or(*first_object, |last| last.end);
         for (index, collider) in colliders.iter().enumerate() {
             if self.terrain() == Some(index) && owner == Owner::World {
                 self.terrain_geometry(index)?;
@@ -229,18 +229,22 @@ impl Writer<'_> {
         let world = self.world;
         for (index, object) in world.objects.iter().enumerate() {
             let pose = pose(&object.pose());
-            match object.mass {
-                Some(mass) => {
-                    let moments = numbers(object.shape.principal_inertia(mass).iter().copied());
+            match object.mass_properties() {
+                Some(ObjectMass { mass, frame, moments }) => {
+                    let moments = numbers(moments.iter().copied());
+                    let place = self::pose(&frame.unwrap_or_else(Isometry3::identity));
                     writeln!(
                         self.text,
                         r#"<body name="o{index}" {pose}><freejoint name="o{index}"/>
-<inertial pos="0 0 0" mass="{mass}" diaginertia="{moments}"/>"#
+<inertial {place} mass="{mass}" diaginertia="{moments}"/>"#
                     )?;
                 }
                 None => writeln!(self.text, r#"<body name="o{index}" mocap="true" {pose}>"#)?,
             }
-            self.geometry(self.colliders.first_object + index, &Isometry3::identity())?;
+            for collider in self.colliders.objects[index].clone() {
+                let part = self.colliders.colliders[collider].part;
+                self.geometry(collider, &part.map_or_else(Isometry3::identity, |(_, frame)| frame))?;
+            }
             writeln!(self.text, "</body>")?;
         }
         Ok(())

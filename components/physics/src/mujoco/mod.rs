@@ -129,6 +129,8 @@ impl Engine for Mujoco {
         rolling_friction: true,
         conveyors: false,
         textures: false,
+        triangles: false,
+        changes: true,
         integrators: false,
     };
 
@@ -275,8 +277,7 @@ impl Engine for Mujoco {
     }
 
     fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>> {
-        let objects = self.places.objects.len();
-        self.rays.cast(&self.colliders, (robot, |index| self.object_pose(index)), ray, objects)
+        self.rays.cast(&self.colliders, (robot, |index| self.object_pose(index)), ray)
     }
 
     fn diverged_object(&self) -> Option<usize> {
@@ -321,7 +322,10 @@ impl Engine for Mujoco {
                 let (_, rotation) = pose_at(&self.native.qpos()[place..place + 7]);
                 let qvel = &self.native.qvel()[dof..dof + 6];
                 let angular = rotation * Vector3::from_column_slice(&qvel[3..]);
-                (Vector3::from_column_slice(&qvel[..3]), angular)
+                // MuJoCo's is the velocity of the origin.
+                let centre = self.world.objects[index].mass_properties().and_then(|own| own.frame);
+                let arm = centre.map_or_else(Vector3::zeros, |own| rotation * own.translation.vector);
+                (Vector3::from_column_slice(&qvel[..3]) + angular.cross(&arm), angular)
             }
             ObjectPlace::Placed(_) => (Vector3::zeros(), Vector3::zeros()),
         }

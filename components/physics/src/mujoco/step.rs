@@ -1,6 +1,6 @@
 //! The step: drives that are implicit in the mass matrix, and the contacts that MuJoCo found.
 
-use motorium_robots::{Coordinate, Reference};
+use motorium_robots::{Coordinate, ObjectMass, Reference};
 use nalgebra::{Point3, Quaternion, UnitQuaternion, Vector3};
 
 use super::Mujoco;
@@ -11,6 +11,7 @@ use crate::air::Air;
 use crate::articulated::Laws;
 use crate::joint::JointProperties;
 use crate::robot::{Articulation, Robot, State, base_pose};
+use crate::simulation::Engine as _;
 use crate::{StepError, StepReport};
 
 /// Solutions of one integration step in which drives may turn out to be saturated, or not to be any more.
@@ -148,11 +149,18 @@ impl Mujoco {
     /// The forces of the air on free objects in an integration step of `h` \[s\].
     fn add_drag(&mut self, gravity: &Vector3<f64>, h: f64) {
         let air = Air::new(&self.world);
-        for (place, object) in self.places.objects.iter().zip(&self.world.objects) {
-            let (ObjectPlace::Free(_, dof), Some(mass)) = (place, object.mass) else { continue };
-            let velocity = Vector3::from_column_slice(&self.native.qvel()[*dof..dof + 3]);
+        for (index, object) in self.world.objects.iter().enumerate() {
+            let ObjectPlace::Free(_, dof) = &self.places.objects[index] else { continue };
+            let Some(ObjectMass { mass, frame, .. }) = object.mass_properties() else { continue };
+            let velocity = self.object_velocity(index).0;
             let force = air.force((object.drag, mass), velocity, gravity, h);
-            self.forces[*dof..dof + 3].copy_from_slice(force.as_slice());
+            let dof = *dof;
+            self.forces[dof..dof + 3].copy_from_slice(force.as_slice());
+            if let Some(frame) = frame {
+                let force = self.object_pose(index).rotation.inverse_transform_vector(&force);
+                let torque = frame.translation.vector.cross(&force);
+                self.forces[dof + 3..dof + 6].copy_from_slice(torque.as_slice());
+            }
         }
     }
 

@@ -30,6 +30,7 @@ use multibody::Multibody;
 pub use scene::Enclose;
 use scene::{Scene, SceneState};
 use shapes::PairTable;
+use shapes::collider_shape;
 pub(crate) use shapes::rapier_shape;
 
 /// A robot with a fixed base in a world, simulated by the [`Rapier`] engine.
@@ -83,6 +84,8 @@ impl Engine for Rapier {
         rolling_friction: false,
         conveyors: false,
         textures: false,
+        triangles: true,
+        changes: false,
         integrators: false,
     };
 
@@ -113,7 +116,7 @@ impl Engine for Rapier {
         }
         let colliders = Colliders::new(setups, world, options, warnings);
         for collider in &colliders.colliders {
-            if rapier_shape(&collider.shape).is_none() {
+            if collider_shape(collider).is_none() {
                 let reason = "its mesh has no volume, which rapier needs".to_owned();
                 warnings.push(BuildWarning::ShapeIgnored { link: collider.name.clone(), reason });
             }
@@ -220,8 +223,7 @@ impl Engine for Rapier {
     }
 
     fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>> {
-        let objects = self.scene.objects.len();
-        self.rays.cast(&self.colliders, (robot, |index| self.object_pose(index)), ray, objects)
+        self.rays.cast(&self.colliders, (robot, |index| self.object_pose(index)), ray)
     }
 
     fn diverged_object(&self) -> Option<usize> {
@@ -273,11 +275,12 @@ fn populate(
     let mut scene = Scene::new(world, options.contact_iterations, enclose);
     let multibody = Multibody::new(&robot.first().model, &robot.joints, &mut scene);
     for (index, collider) in colliders.colliders.iter().enumerate() {
-        let Some((shape, frame)) = rapier_shape(&collider.shape) else { continue };
-        let (body, placement) = match (collider.owner, index.checked_sub(colliders.first_object)) {
+        let Some((shape, frame)) = collider_shape(collider) else { continue };
+        let (body, placement) = match (collider.owner, colliders.object_of(index)) {
             (Owner::Body(_, body), _) => (Some(multibody.links[body]), collider.placement),
-            (_, Some(object)) if object < scene.objects.len() => {
-                (Some(scene.objects[object]), Isometry3::identity())
+            (_, Some((object, part))) => {
+                let identity = Isometry3::identity();
+                (Some(scene.objects[object]), *part.unwrap_or(&identity))
             }
             _ => (None, collider.placement),
         };

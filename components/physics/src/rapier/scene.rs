@@ -1,5 +1,6 @@
 //! Rapier's sets of bodies, colliders and joints, with the objects of the world.
 
+use motorium_robots::ObjectMass;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rapier3d_f64::dynamics::{
     CCDSolver, CoefficientCombineRule, ImpulseJointSet, IntegrationParameters, IslandManager,
@@ -110,10 +111,12 @@ impl Scene {
             .objects
             .iter()
             .map(|object| {
-                let builder = match object.mass {
-                    Some(mass) => {
-                        let inertia = Matrix3::from_diagonal(&object.shape.principal_inertia(mass));
-                        let mass = mass_properties(mass, &Vector3::zeros(), &inertia);
+                let builder = match object.mass_properties() {
+                    Some(ObjectMass { mass, frame, moments }) => {
+                        let frame = frame.unwrap_or_else(Isometry3::identity);
+                        let turn = frame.rotation.to_rotation_matrix().into_inner();
+                        let inertia = turn * Matrix3::from_diagonal(&moments) * turn.transpose();
+                        let mass = mass_properties(mass, &frame.translation.vector, &inertia);
                         RigidBodyBuilder::dynamic().additional_mass_properties(mass)
                     }
                     None => RigidBodyBuilder::fixed(),
@@ -128,8 +131,8 @@ impl Scene {
             })
             .collect();
         let drags = world.objects.iter().map(|object| {
-            let mass = object.mass.filter(|_| object.drag > 0.0);
-            mass.map(|mass| (object.drag, mass))
+            let mass = object.mass_properties().filter(|_| object.drag > 0.0);
+            mass.map(|ObjectMass { mass, .. }| (object.drag, mass))
         });
         let drags = drags.collect();
         Self {

@@ -4,12 +4,13 @@ use std::f64::consts::FRAC_PI_2;
 
 use motorium_robots::ConvexShape;
 use nalgebra::{Isometry3, Vector3};
-use rapier3d_f64::geometry::{ColliderHandle, SharedShape};
+use rapier3d_f64::geometry::{ColliderHandle, SharedShape, TriMeshFlags};
 use rapier3d_f64::math::Vector;
 use rapier3d_f64::pipeline::{PairFilterContext, PhysicsHooks};
 use rapier3d_f64::prelude::SolverFlags;
 
 use super::convert;
+use crate::contact::Collider;
 
 /// The shape and its frame in that of `shape`; `None` for a hull without volume.
 pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry3<f64>)> {
@@ -29,6 +30,18 @@ pub(crate) fn rapier_shape(shape: &ConvexShape) -> Option<(SharedShape, Isometry
         }
     };
     Some((upright, Isometry3::identity()))
+}
+
+/// The shape of a collider and its frame: its triangles, where it touches by these.
+pub(super) fn collider_shape(collider: &Collider) -> Option<(SharedShape, Isometry3<f64>)> {
+    let Some(surface) = &collider.surface else { return rapier_shape(&collider.shape) };
+    let corners = surface.triangles().iter().flat_map(|triangle| triangle.corners);
+    let points: Vec<Vector> = corners.map(|corner| convert::vector(&corner.coords)).collect();
+    let triangles = (0..points.len() as u32 / 3).map(|index| [3 * index, 3 * index + 1, 3 * index + 2]);
+    // Nothing catches on the sides between triangles of one plane.
+    let flags = TriMeshFlags::FIX_INTERNAL_EDGES | TriMeshFlags::MERGE_DUPLICATE_VERTICES;
+    let shape = SharedShape::trimesh_with_flags(points, triangles.collect(), flags).ok()?;
+    Some((shape, Isometry3::identity()))
 }
 
 /// The pairs of colliders that may touch, as a table.

@@ -255,3 +255,42 @@ fn connections_that_cannot_be_are_refused() {
         assert_eq!(other.connect(&pin()), Err(ConnectError::Unable { engine: "MuJoCo" }));
     }
 }
+
+#[test]
+fn a_connection_to_a_fixed_object_leaves_the_contacts_with_the_others_and_is_taken_away_alone() {
+    let cube = |name: &str, mass: Option<f64>, position: [f64; 3]| Object {
+        name: name.to_owned(),
+        shape: ObjectShape::Box { size: [0.1; 3] },
+        mass,
+        position,
+        ..Object::default()
+    };
+    // It hangs by a corner on a post, over a shelf that it would swing through.
+    let objects = vec![
+        cube("post", None, [0.0, 0.0, 1.0]),
+        cube("shelf", None, [0.3, 0.0, 0.85]),
+        cube("beam", None, [0.3, 0.0, 1.2]),
+        cube("weight", Some(1.0), [0.3, 0.0, 1.0]),
+    ];
+    let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
+    let pendulum = pendulum.placed(&Isometry3::translation(0.0, 0.0, 50.0));
+    let world = World { objects, ..World::default() };
+    let mut simulation = ArticulatedSimulator::new(pendulum, world, &[0.0], Options::default()).unwrap();
+    let pin = |other: &str| Connection {
+        parts: [other.to_owned(), "weight".to_owned()],
+        kind: ConnectionKind::Ball,
+        point: [0.0; 3],
+    };
+    simulation.connect(&pin("post")).unwrap();
+    (0..1500).for_each(|_| _ = simulation.step(1e-3).unwrap());
+    let height = |simulation: &ArticulatedSimulator| {
+        simulation.object_pose(simulation.object("weight").unwrap()).translation.z
+    };
+    let low = height(&simulation);
+    assert!(low > 0.93, "the shelf carries it, at {low} m");
+    // Of two connections the one named is taken away.
+    simulation.connect(&pin("beam")).unwrap();
+    assert!(simulation.detach("beam", "weight"));
+    assert!(!simulation.detach("beam", "weight"));
+    assert!(simulation.detach("post", "weight"));
+}

@@ -73,7 +73,7 @@ fn objects_turn_as_their_shape_says() {
         let rod =
             object("rod", ObjectShape::Cylinder { radius: 0.01, length: 0.2 }, Some(0.1), [1.0, 0.0, 1.0]);
         let world = World { gravity: [0.0; 3], objects: vec![rod], ..World::default() };
-        let shape = world.objects[0].shape;
+        let shape = world.objects[0].shape.clone();
         let moments = shape.principal_inertia(0.1);
         assert!(
             (moments.x - 0.1 * (3.0 * 1e-4 + 0.04) / 12.0).abs() < 1e-12 && (moments.z - 5e-6).abs() < 1e-15

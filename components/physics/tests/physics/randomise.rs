@@ -127,7 +127,7 @@ fn properties_of_another_robot_or_world_and_surfaces_that_cannot_be_are_refused(
     assert!(matches!(simulator.reset_with(&other, &q, &v), Err(ResetError::Surface(_))));
 }
 
-fn text(robot: &str, config: &str, rest: &str) -> String {
+pub(crate) fn text(robot: &str, config: &str, rest: &str) -> String {
     format!(
         r#"
 name = "randomise-test"
@@ -161,11 +161,11 @@ config = {{ offset = 0.0, until = 0, stiffness = 1.0 }}
     )
 }
 
-fn check(text: String) -> Result<graph::Checked, graph::GraphError> {
+pub(crate) fn check(text: String) -> Result<graph::Checked, graph::GraphError> {
     graph::check(&PathBuf::from("randomise.toml"), text, &[], &registry(), &graph::Machine::detect())
 }
 
-fn run_of(robot: &str, config: &str, rest: &str) -> Report {
+pub(crate) fn run_of(robot: &str, config: &str, rest: &str) -> Report {
     let plan =
         check(text(robot, config, rest)).unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
     run(plan, &registry(), &Options::inline(), &mut |_| ()).unwrap()
@@ -184,7 +184,7 @@ ground       = { friction = [0.6, 1.0] }
 objects      = { cube = { mass = [0.5, 2.0], friction = [0.5, 1.5], y = [-0.1, 0.1], yaw = [-1.0, 1.0] }, wall = { friction = [1.0, 1.0] } }
 "#;
 
-fn episodes(report: &Report) -> &Vec<Value> {
+pub(crate) fn episodes(report: &Report) -> &Vec<Value> {
     report.results["physics"]["randomised"].as_array().unwrap()
 }
 

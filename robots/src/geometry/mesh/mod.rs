@@ -3,6 +3,7 @@
 mod collada;
 mod decompose;
 mod hull;
+mod mass;
 mod obj;
 mod stl;
 
@@ -12,6 +13,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Vector3;
 
 use crate::file::read_bounded;
+pub use mass::VolumeProperties;
 
 /// A triangle mesh, in the axes of its file.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -9,7 +9,7 @@ use super::surfaces::{self, Meeting};
 use super::{Ray, RayHit};
 use crate::algebra::{M3, V3};
 use crate::geometry::support::{v3, vector};
-use crate::{ConvexShape, HeightField};
+use crate::{ConvexShape, HeightField, TriangleSurface};
 
 /// A shape as rays meet it.
 ///
@@ -44,6 +44,7 @@ pub(super) enum Surface {
     Polytope(Vec<(V3, f64)>),
     HalfSpace,
     Terrain(Arc<HeightField>),
+    Triangles(Arc<TriangleSurface>),
     /// A hull without volume.
     Nothing,
 }
@@ -72,6 +73,12 @@ impl RayShape {
     /// The surface of a terrain, met from above.
     pub fn of_terrain(field: Arc<HeightField>) -> Self {
         Self { surface: Surface::Terrain(field), reach: f64::INFINITY }
+    }
+
+    /// The triangles of a mesh, met from both sides.
+    pub fn of_triangles(surface: Arc<TriangleSurface>) -> Self {
+        let reach = surface.reach();
+        Self { surface: Surface::Triangles(surface), reach }
     }
 
     /// True for the surface of a terrain.
@@ -114,6 +121,7 @@ impl RayShape {
             Surface::Polytope(planes) => surfaces::polytope(from, towards, planes),
             Surface::HalfSpace => surfaces::half_space(from, towards),
             Surface::Terrain(field) => field.meet(from, towards, range),
+            Surface::Triangles(surface) => surface.meet(from, towards, range),
             Surface::Nothing => None,
         }
         .filter(|(distance, _)| *distance <= range)?;
@@ -127,7 +135,7 @@ impl RayShape {
 }
 
 /// The planes of the faces of a convex hull, each once; `None` without volume.
-fn planes(points: &[Vector3<f64>]) -> Option<Vec<(V3, f64)>> {
+pub(in crate::geometry) fn planes(points: &[Vector3<f64>]) -> Option<Vec<(V3, f64)>> {
     let points: Vec<_> = points.iter().map(|&point| vector(point.into())).collect();
     let (corners, triangles) = try_convex_hull(&points).ok()?;
     let corners: Vec<V3> = corners.into_iter().map(v3).collect();

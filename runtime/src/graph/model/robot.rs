@@ -7,15 +7,16 @@ use serde_json::{Value as Json, json};
 use crate::declare::{BasePose, ParameterValue};
 use crate::graph::diagnostic::Report;
 use crate::graph::read::{At, Keys, Read, Value, good};
-use crate::graph::values::Triple;
+use crate::graph::values::{Named, Number, Triple};
 
 /// A robot.
 #[derive(Debug, JsonSchema)]
 #[schemars(deny_unknown_fields, rename = "Robot")]
 pub(in crate::graph) struct RobotTable {
-    /// Its model: a name of the catalogue, a folder, or a URDF file (relative to the graph file).
-    #[schemars(required)]
+    /// Its model: a name of the catalogue, a folder, or a URDF or MJCF file (relative to the graph file). This or `mjcf`.
     pub urdf: Option<At<String>>,
+    /// Its model in an MJCF file, or a folder with one (relative to the graph file). This or `urdf`.
+    pub mjcf: Option<At<String>>,
     /// Its profile, a TOML file (relative to the graph file). If left out: that of the catalogue, or the `.toml` of the same
     /// name beside its file.
     pub profile: Option<At<String>>,
@@ -23,6 +24,12 @@ pub(in crate::graph) struct RobotTable {
     pub package_path: Option<At<Vec<At<String>>>>,
     /// Pose of its base in the world. If left out: at the origin, or, for a floating base, where its profile has it.
     pub base: Option<At<BaseTable>>,
+    /// The joints that move: names of joints, or of end effectors of its profile for the joints that place them. The others are held in the
+    /// pose of `start`, where `fixed` has no position for them: they are no part of states and commands. If left out: all but those of
+    /// `fixed`.
+    pub joints: Option<At<Vec<At<String>>>>,
+    /// Positions at which joints are held (rad or m). If left out: none.
+    pub fixed: Option<At<Named<Number>>>,
     /// The link that tasks move (text). If left out: that of the only end effector of its profile.
     pub frame: Option<At<String>>,
     /// Where it starts and what its home pose is: a pose of its profile, one number for all joints, or a list of one for
@@ -38,8 +45,7 @@ pub(in crate::graph) struct RobotTable {
 impl<'i> Read<'i> for RobotTable {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
         let mut keys = Keys::read(&format!("robot.{key}"), value, report)?;
-        let mut table =
-            take_fields!(keys, urdf, profile, package_path, base, frame, start, gains; meant: Vec::new());
+        let mut table = take_fields!(keys, urdf, mjcf, profile, package_path, base, joints, fixed, frame, start, gains; meant: Vec::new());
         table.meant = keys.finish(&format!("robot `{key}`"));
         Some(table)
     }
@@ -48,10 +54,16 @@ impl<'i> Read<'i> for RobotTable {
 impl RobotTable {
     /// The settings in place of a profile, for the loader of robots; `None` if there are none.
     pub(in crate::graph) fn settings(&self) -> Option<Json> {
+        let mjcf = self.mjcf.is_some().then_some(("mjcf", Json::Bool(true)));
+        let names = |names: &Vec<At<String>>| names.iter().filter_map(At::get).cloned().collect::<Vec<_>>();
+        let joints = good(&self.joints).map(|joints| ("joints", json!(names(joints))));
+        let position = |(name, at): &(String, At<Number>)| Some((name.clone(), json!(at.get()?.0)));
+        let fixed = good(&self.fixed)
+            .map(|fixed| ("fixed", Json::Object(fixed.0.iter().filter_map(position).collect())));
         let frame = good(&self.frame).map(|frame| ("frame", json!(frame)));
         let start = good(&self.start).map(|start| ("start", json!(start)));
         let gains = good(&self.gains).map(|gains| ("gains", gains.settings()));
-        let settings: serde_json::Map<String, Json> = [frame, start, gains]
+        let settings: serde_json::Map<String, Json> = [mjcf, joints, fixed, frame, start, gains]
             .into_iter()
             .flatten()
             .map(|(key, value)| (key.to_string(), value))

@@ -23,13 +23,21 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
     for (name, at) in good(&graph.robot).iter().flat_map(|robots| &robots.0) {
         let named = check_name("a robot", name, &at.key, report);
         let urdf = at.get().and_then(|table| {
-            if table.urdf.is_none() && !table.meant.contains(&"urdf") {
+            if let (Some(_), Some(mjcf)) = (&table.urdf, &table.mjcf) {
+                report
+                    .error(format!("robot `{name}` has two models"))
+                    .at(&mjcf.key, "besides `urdf`")
+                    .advise("keep one of `urdf` and `mjcf`");
+                return None;
+            }
+            let meant = table.meant.iter().any(|meant| ["urdf", "mjcf"].contains(meant));
+            if table.urdf.is_none() && table.mjcf.is_none() && !meant {
                 report
                     .error(format!("robot `{name}` has no model"))
                     .at(&at.key, "`urdf` is missing")
                     .advise("add `urdf = \"panda\"`: a name of the catalogue, a folder, or a URDF file");
             }
-            table.urdf.as_ref()
+            table.urdf.as_ref().or(table.mjcf.as_ref())
         });
         let reference = urdf.and_then(|urdf| {
             let model = urdf.get()?;
@@ -56,6 +64,8 @@ pub(super) fn resolve(graph: &GraphTable<'_>, context: &Context<'_>, report: &mu
                 let key = error.key.as_deref();
                 let own = match key {
                     Some("profile") => profile.map(|(_, span)| span),
+                    Some("joints") => table.joints.as_ref().map(|at| &at.span),
+                    Some("fixed") => table.fixed.as_ref().map(|at| &at.span),
                     Some("frame") => table.frame.as_ref().map(|at| &at.span),
                     Some("start") => table.start.as_ref().map(|at| &at.span),
                     Some("gains") => table.gains.as_ref().map(|at| &at.span),

@@ -1,6 +1,7 @@
 //! The values of a graph file: names, numbers, choices, units.
 
 mod expectations;
+mod number;
 mod scheduling;
 mod triple;
 
@@ -21,6 +22,7 @@ use crate::plan::{
 };
 use crate::units::{Rate, TimeSpan, UnitError};
 pub(super) use expectations::Expectations;
+pub(super) use number::Number;
 pub(super) use scheduling::{EventSource, Schedule, Share, SpinChoice};
 pub(super) use triple::Triple;
 
@@ -281,23 +283,6 @@ choices! {
     LimitPolicy: Clamp, Refuse;
     ResumeRule: Near, Latch, AtOnce;
     Schedule: Fifo, Deadline, Normal;
-}
-
-/// A number of an array.
-struct Number(f64);
-
-impl<'i> Read<'i> for Number {
-    fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {
-        let number = match value.get_ref() {
-            DeValue::Integer(_) => return i64::read(key, value, report).map(|number| Self(number as f64)),
-            DeValue::Float(number) => number.as_str().parse().ok().map(Self),
-            _ => None,
-        };
-        if number.is_none() {
-            mismatch(key, value, "a number", report);
-        }
-        number
-    }
 }
 
 impl<'i> Read<'i> for ParameterValue {

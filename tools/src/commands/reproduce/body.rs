@@ -4,13 +4,14 @@ use std::path::Path;
 
 use motorium_learners::experiments::body::{Body, CHANNELS, RATE, difference, learned_alone, windows};
 use motorium_learners::experiments::search::{Search, SearchSpace, is_clearly_larger};
-use motorium_library::statistics::{mean_and_error, with_error};
+use motorium_library::statistics::{mean_and_error, share_errors, with_error};
 use motorium_library::{MotionLibrary, Recordings};
 use motorium_recordings::Selection;
 
 use super::letters::chart;
 use super::writer::FigureWriter;
 use crate::chart::Series;
+use crate::report::decimal;
 
 pub(super) fn figures(writer: &mut FigureWriter, folder: &Path, searched: usize) -> anyhow::Result<()> {
     let channels = CHANNELS.map(String::from).to_vec();
@@ -26,7 +27,7 @@ pub(super) fn figures(writer: &mut FigureWriter, folder: &Path, searched: usize)
         "3.18",
         claim,
         off <= 1e-12,
-        format!("largest difference of singular values {off:.1e} of the first"),
+        format!("largest difference of singular values {} of the first", decimal(off)),
     );
     composed(writer, &held, &body, searched)
 }
@@ -47,7 +48,9 @@ fn spectra(writer: &mut FigureWriter, seen: &Recordings, body: &Body) -> anyhow:
         words.push(format!("{name} {needed:?}"));
         counts.push(needed[1]);
         let together = library.explained_together();
-        let points = together.iter().enumerate().map(|(k, sum)| [(k + 1) as f64, *sum, 0.0]).collect();
+        let errors = share_errors(&library.explained(), library.entries().len());
+        let numbered = together.iter().zip(&errors).enumerate();
+        let points = numbered.map(|(k, (sum, error))| [(k + 1) as f64, *sum, error.1]).collect();
         series.push(Series { name: name.into(), points });
         off = off.max(difference(library, &learned_alone(seen, library)?));
         writer.bar.inc(1);
@@ -66,7 +69,7 @@ fn spectra(writer: &mut FigureWriter, seen: &Recordings, body: &Body) -> anyhow:
         "3.18",
         claim,
         off <= 1e-12,
-        format!("largest difference of singular values {off:.1e} of the first"),
+        format!("largest difference of singular values {} of the first", decimal(off)),
     );
     Ok(())
 }

@@ -3,7 +3,7 @@
 //! Figures whose number is not certain are named by their content.
 
 use motorium_library::cross_validation::{FORCE, POSITION};
-use motorium_library::statistics::{mean_and_deviation, proportion_error, with_error};
+use motorium_library::statistics::{mean_and_deviation, proportion_error, share_errors, with_error};
 use motorium_library::{
     BALANCED, CrossValidation, Evaluation, Metric, MotionLibrary, Movement, Recordings, SampledSpring,
     Truncation, compare, kernel_error, nearest_neighbour_rate,
@@ -37,13 +37,18 @@ pub(super) fn figures(
 
 fn spectrum(writer: &mut FigureWriter, library: &MotionLibrary) -> anyhow::Result<()> {
     let explained = library.explained();
-    let points = |values: &mut dyn Iterator<Item = f64>| {
-        values.take(100).enumerate().map(|(k, value)| [(k + 1) as f64, value, 0.0]).collect::<Vec<_>>()
+    let errors = share_errors(&explained, library.entries().len());
+    let points = |values: &[f64], errors: &mut dyn Iterator<Item = f64>| {
+        let numbered = values.iter().zip(errors).take(100).enumerate();
+        numbered.map(|(k, (value, error))| [(k + 1) as f64, *value, error]).collect::<Vec<_>>()
     };
     let together = library.explained_together();
     let series = vec![
-        Series { name: "each".into(), points: points(&mut explained.iter().copied()) },
-        Series { name: "together".into(), points: points(&mut together.iter().copied()) },
+        Series { name: "each".into(), points: points(&explained, &mut errors.iter().map(|error| error.0)) },
+        Series {
+            name: "together".into(),
+            points: points(&together, &mut errors.iter().map(|error| error.1)),
+        },
     ];
     let title = "3.9  Variance that eigenforces explain";
     writer.chart(
@@ -156,13 +161,17 @@ fn bases(
     writer.chart("fig-3-14-position", &chart(title, axes, [true, true], series))?;
     let title = "3.14  Held-out letters: error of force";
     let axes = ["weights in all", "root mean square of the force left out / of the force"];
-    writer.chart("fig-3-14-force", &chart(title, axes, [true, true], all(&|e| [e.force, 0.0])))?;
+    writer.chart("fig-3-14-force", &chart(title, axes, [true, true], all(&|e| [e.force, e.force_error])))?;
     let at = |name: &str, n: usize| {
         found.iter().find(|(basis, e)| *basis == name && e.n == n).map_or(f64::NAN, |(_, e)| e.position.mean)
     };
+    let words = |name: &str, n: usize| {
+        let found = found.iter().find(|(basis, e)| *basis == name && e.n == n);
+        let words = found.map(|(_, e)| with_error(e.position.mean, e.position.deviation / count));
+        format!("{name} {}", words.unwrap_or_else(|| "none".to_owned()))
+    };
     let better = |a: &str, b: &str, n: &[usize]| n.iter().all(|n| at(a, *n) < at(b, *n));
-    let table =
-        |n: usize| format!("n = {n}: {}", names.map(|name| format!("{name} {:.4}", at(name, n))).join(", "));
+    let table = |n: usize| format!("n = {n}: {}", names.map(|name| words(name, n)).join(", "));
     writer.claim(
         "3.14",
         "eigenforces hold letters better than as many Fourier functions",

@@ -8,6 +8,7 @@ use motorium_control::{StackSample, TaskStack, run_stack};
 use super::writer::FigureWriter;
 use crate::chart::{Chart, Series};
 use crate::out::outln;
+use crate::report::decimal;
 
 /// Stacks of tasks of Delhaisse's thesis (2019), figure 2.27: a posture, a hand, both in a sum, and the hand above the posture,
 /// on an iiwa with the same moving target.
@@ -111,26 +112,26 @@ fn claims(writer: &mut FigureWriter, runs: &[Vec<StackSample>]) {
         "2.27",
         "above the posture the hand is as near to its target as alone",
         above < alone + 1e-4,
-        format!("at most {above:.2e} m, alone {alone:.2e} m"),
+        format!("at most {} m, alone {} m", decimal(above), decimal(alone)),
     );
     writer.claim(
         "2.27",
         "in a sum the posture holds the hand off its target",
         sum > 10.0 * above.max(1e-6),
-        format!("at most {sum:.2e} m, above the posture {above:.2e} m"),
+        format!("at most {} m, above the posture {} m", decimal(sum), decimal(above)),
     );
     let (with, without) = (posture(hard), posture(cartesian));
     writer.claim(
         "2.27",
         "below the hand the posture is kept at least as well as without a task of its own",
         with <= without + 1e-9,
-        format!("mean {with:.3} rad, without {without:.3} rad"),
+        format!("mean {} rad, without {} rad", decimal(with), decimal(without)),
     );
     let (still, moved) = (posture(postural), worst(postural));
     writer.claim(
         "2.27",
         "a posture alone stays, and its hand is left behind",
         still < 1e-9 && moved > sum,
-        format!("mean {still:.1e} rad, the hand up to {moved:.2e} m from the target"),
+        format!("mean {} rad, the hand up to {} m from the target", decimal(still), decimal(moved)),
     );
 }

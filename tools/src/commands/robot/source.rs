@@ -48,7 +48,7 @@ impl RobotArgs {
             _ => BaseMode::AsFile,
         };
         let packages = PackagePath { folders: self.package_path.clone(), prefixes: Vec::new() };
-        let options = LoadOptions { base, mimic, packages, profile, shapes };
+        let options = LoadOptions { base, mimic, packages, profile, shapes, ..LoadOptions::default() };
         load_with(&self.robot, Path::new(""), &options)
     }
 

@@ -71,7 +71,7 @@ function begin(about) {
   view.clear();
   exact.clear();
   looked = undefined;
-  robots = about.robots.filter((robot) => robot.is_urdf).map((robot) => {
+  robots = about.robots.map((robot) => {
     const shown = new Robot(robot, connection, view.scene, (problem) => say(problem, true));
     listen(robot.description, ({ data }) => shown.load(data));
     listen(robot.joints, (state) => shown.take(state));
@@ -89,8 +89,6 @@ function begin(about) {
     });
     return shown;
   });
-  const others = about.robots.filter((robot) => !robot.is_urdf).map((robot) => robot.name);
-  $("note").textContent = others.length ? `not drawn, since not described by URDF: ${others.join(", ")}` : "";
   components.plan(about);
   timeline.plan(about);
   parameters.plan(about);

@@ -6,7 +6,7 @@ use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::mpc::MpcWeights;
+use crate::mpc::{Landing, MpcWeights};
 
 /// Configuration of `control.mpc`. Every key has a default: with an empty table the robot stands on all feet.
 ///
@@ -24,6 +24,10 @@ pub struct MpcConfig {
     pub solve_every: Option<TimeSpan>,
     /// Gait. Default: all feet stand.
     pub gait: Option<GaitConfig>,
+    /// Knowledge of the ground. Default "level".
+    pub ground: GroundConfig,
+    /// Reaction to feet that touch before or after their time. It needs the input `feet`.
+    pub landing: LandingConfig,
     /// Costs of errors.
     pub weights: WeightsConfig,
     /// Velocity without a target: forward and to the left, m/s, and about the vertical, rad/s, in the axes of the heading. Default 0.
@@ -108,6 +112,55 @@ fn ramp() -> TimeSpan {
     TimeSpan { ns: 10_000_000 }
 }
 
+/// Knowledge of a planner about the ground.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(
+    rename_all = "snake_case",
+    expecting = "expected \"level\", { fitted = { smoothing = TIME } } or { normal = [X, Y, Z] }"
+)]
+pub enum GroundConfig {
+    /// Level, at the mean height of the feet that stand.
+    Level,
+    /// A plane through the places at which each foot stood last, by least squares. The base is held parallel to it.
+    Fitted(FittedConfig),
+    /// A plane of this normal, of any length, through the feet that stand, axes of the world. The base is held parallel to it.
+    Normal([f64; 3]),
+}
+
+/// Settings of a ground that is fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct FittedConfig {
+    /// Time constant of its height and slopes. Default 200 ms.
+    pub smoothing: TimeSpan,
+}
+
+impl Default for FittedConfig {
+    fn default() -> Self {
+        Self { smoothing: TimeSpan { ns: 200_000_000 } }
+    }
+}
+
+/// Reaction to feet that touch before or after their time.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct LandingConfig {
+    /// Share of a swing from which a contact ends it, 0 to 1; 1 for never. Default 0.5.
+    pub early_from: f64,
+    /// Speed at which a foot that has not touched at the end of its swing is moved on into the ground, m/s, 0 to 10. Default 0.3.
+    pub search_speed: f64,
+    /// Longest time for which it is; it then counts as standing all the same. Default 80 ms; 0: never.
+    pub search_for: TimeSpan,
+}
+
+impl Default for LandingConfig {
+    fn default() -> Self {
+        let Landing { early_from, search_speed, search_for } = Landing::default();
+        let search_for = TimeSpan { ns: (1e9 * search_for).round() as u64 };
+        Self { early_from, search_speed, search_for }
+    }
+}
+
 /// Costs of errors, each for three axes: along the heading, across it, up.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -161,6 +214,8 @@ impl Default for MpcConfig {
             horizon: HorizonConfig::default(),
             solve_every: None,
             gait: None,
+            ground: GroundConfig::Level,
+            landing: LandingConfig::default(),
             weights: WeightsConfig::default(),
             velocity: [0.0; 3],
             acceleration: 1.0,

@@ -3,11 +3,13 @@
 mod config;
 mod setup;
 
-pub use config::{GaitConfig, HorizonConfig, MpcConfig, WeightsConfig};
+pub use config::{
+    FittedConfig, GaitConfig, GroundConfig, HorizonConfig, LandingConfig, MpcConfig, WeightsConfig,
+};
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
-use motorium::state::ContactSchedule;
+use motorium::state::{ContactSchedule, FootContacts};
 use nalgebra::Vector2;
 
 use super::measured::{Freshness, MeasuredState};
@@ -23,6 +25,7 @@ use setup::MpcSetup;
 pub struct MpcPlanner {
     measured: MeasuredState,
     target: Input<TwistTarget>,
+    contacts: Input<FootContacts>,
     schedule: Output<ContactSchedule>,
     centre: Output<PoseTarget>,
     feet: Vec<FootOutputs>,
@@ -51,6 +54,7 @@ struct Figures {
     solved: u64,
     unsolved: u64,
     stale: u64,
+    without_contacts: u64,
     iterations: u64,
     most_iterations: u32,
     largest_turn: f64,
@@ -77,7 +81,15 @@ impl Component for MpcPlanner {
         declare.input::<JointState>("joint_state", "measured joint state of the robot");
         declare.input::<BaseState>("base_state", "measured or estimated pose and velocity of the base");
         declare.optional_input::<TwistTarget>("target", "target velocity, in the axes of the heading");
-        declare.output::<ContactSchedule>("contact_schedule", "share of its load that each foot may carry");
+        if config.landing == LandingConfig::default() {
+            let doc = "contacts of the feet as measured; without a fresh one the gait alone counts";
+            declare.optional_input::<FootContacts>("feet", doc);
+        } else {
+            declare
+                .input::<FootContacts>("feet", "contacts of the feet as measured, which `landing` is about");
+        }
+        let doc = "share of its load that each foot may carry, and the normal of the ground";
+        declare.output::<ContactSchedule>("contact_schedule", doc);
         let doc = "place and velocity of the centre of mass in the world at the end of the step";
         declare.output::<PoseTarget>("centre_of_mass_target", doc);
         for name in &setup.names {
@@ -108,6 +120,7 @@ impl Component for MpcPlanner {
         Ok(Self {
             measured: MeasuredState::configure(model, setup)?,
             target: setup.input("target")?,
+            contacts: setup.input("feet")?,
             schedule: setup.output("contact_schedule")?,
             centre: setup.output("centre_of_mass_target")?,
             feet,
@@ -144,6 +157,9 @@ impl Component for MpcPlanner {
         }
         let dt = tick.dt() * f64::from(tick.periods_since(unbroken, now_ns));
         let wanted = wanted(&mut self.target, &self.config, self.speed_factor.get());
+        let fit =
+            touching(&mut self.contacts, &mut self.planner, self.feet.len(), self.config.state_timeout.ns);
+        self.figures.without_contacts += u64::from(!fit);
         let strides = self.strides.get() && self.began_for >= self.stand_for;
         let solved = self.planner.step(&state, &wanted, strides, dt).is_ok();
         self.began_for += dt;
@@ -161,17 +177,28 @@ impl Component for MpcPlanner {
         let figures = &self.figures;
         let mean = figures.iterations as f64 / figures.solved.max(1) as f64;
         let way = figures.start.map(|start| (figures.end[0] - start[0]).hypot(figures.end[1] - start[1]));
+        let landings = (0..self.feet.len()).map(|foot| self.planner.early_and_late(foot));
+        let [early, late] = landings.fold([0; 2], |[early, late], [a, b]| [early + a, late + b]);
+        let slope = self.planner.reference().ground().slope();
         let swings: Vec<u64> = (0..self.feet.len()).map(|foot| self.planner.swings(foot)).collect();
-        Some(serde_json::json!({
+        let mut result = serde_json::json!({
             "distance_m": way,
             "forward_m": figures.forward,
             "swings": swings,
+            "early_landings": early,
+            "late_landings": late,
+            // a zero is no negative zero
+            "ground_slope": [slope.x + 0.0, slope.y + 0.0],
             "largest_turn_rad": figures.largest_turn,
             "largest_position_error_m": figures.largest_error,
             "iterations": { "mean": mean, "max": figures.most_iterations },
             "steps_without_solution": figures.unsolved,
             "steps_without_fresh_state": figures.stale,
-        }))
+        });
+        if self.contacts.is_wired() {
+            result["steps_without_fresh_contacts"] = serde_json::json!(figures.without_contacts);
+        }
+        Some(result)
     }
 }
 
@@ -184,6 +211,16 @@ fn wanted(target: &mut Input<TwistTarget>, config: &MpcConfig, factor: f64) -> P
         config.velocity
     };
     PlanarVelocity { linear: Vector2::new(x, y) * factor, yaw_rate: yaw * factor }
+}
+
+/// Tells the planner what the newest contacts say; without fresh ones of all its feet that nothing is known. True with fresh ones.
+fn touching(input: &mut Input<FootContacts>, planner: &mut LegPlanner, feet: usize, timeout_ns: u64) -> bool {
+    let fresh = input.latest().filter(|feet| feet.age_ns() <= timeout_ns);
+    let fresh = fresh.filter(|contacts| contacts.count() == feet);
+    for foot in 0..feet {
+        planner.set_touching(foot, fresh.as_ref().map(|contacts| contacts.contact()[foot] == 1));
+    }
+    fresh.is_some()
 }
 
 impl MpcPlanner {
@@ -210,6 +247,7 @@ impl MpcPlanner {
         let planner = &self.planner;
         let mut schedule = self.schedule.loan()?;
         schedule.set_count(self.feet.len());
+        schedule.ground_normal = planner.reference().ground().normal().into();
         for (foot, load) in schedule.load_mut().iter_mut().enumerate() {
             *load = planner.load(foot);
         }

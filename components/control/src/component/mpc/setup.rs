@@ -5,11 +5,13 @@ use motorium::state::MAX_FEET;
 use motorium_robots::{Foot, Loaded, Model};
 use nalgebra::Vector3;
 
-use super::config::{GaitConfig, MpcConfig};
+use super::config::{GaitConfig, GroundConfig, MpcConfig};
 use crate::component::checks::in_range;
 use crate::component::measured::load_robot;
 use crate::inverse_dynamics::Contact;
-use crate::mpc::{Gait, LegPlanner, MpcSettings, PlannedFoot, PlannerSettings, Stepping};
+use crate::mpc::{
+    Gait, GroundModel, Landing, LegPlanner, MpcSettings, PlannedFoot, PlannerSettings, Stepping,
+};
 
 /// A robot, its planner, and the names of its feet.
 pub(super) struct MpcSetup {
@@ -97,6 +99,22 @@ fn gait(config: Option<&GaitConfig>, names: &[String]) -> Result<Gait, ConfigErr
         .map_err(|error| ConfigError::key("gait", error.to_string()))
 }
 
+fn ground(config: GroundConfig) -> Result<GroundModel, ConfigError> {
+    Ok(match config {
+        GroundConfig::Level => GroundModel::Level,
+        GroundConfig::Fitted(fitted) => GroundModel::Fitted { smoothing: fitted.smoothing.as_secs_f64() },
+        GroundConfig::Normal(normal) => {
+            let given = Vector3::from(normal);
+            let unit = given.try_normalize(1e-9).filter(|unit| unit.z >= 0.5);
+            GroundModel::Normal(unit.ok_or_else(|| {
+                let message =
+                    format!("{normal:?}, expected one that points up, at most 60 degrees off the vertical");
+                ConfigError::key("ground.normal", message)
+            })?)
+        }
+    })
+}
+
 fn settings(config: &MpcConfig, model: &Model) -> Result<PlannerSettings, ConfigError> {
     let [0.0, 0.0, down] = config.gravity else {
         let message = format!("{:?}, expected one that acts along -z of the world", config.gravity);
@@ -148,5 +166,11 @@ fn settings(config: &MpcConfig, model: &Model) -> Result<PlannerSettings, Config
         clearance: gait.map_or(0.0, |gait| gait.clearance),
         max_capture: gait.map_or(0.0, |gait| gait.max_capture),
         ramp: gait.map_or(0.0, |gait| gait.ramp.as_secs_f64()),
+        ground: ground(config.ground)?,
+        landing: Landing {
+            early_from: in_range("landing.early_from", config.landing.early_from, 0.0..=1.0)?,
+            search_speed: in_range("landing.search_speed", config.landing.search_speed, 0.0..=10.0)?,
+            search_for: config.landing.search_for.as_secs_f64(),
+        },
     })
 }

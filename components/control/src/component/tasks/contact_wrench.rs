@@ -6,7 +6,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::{
-    Fades, Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+    ActsOn, Fades, Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
+    WEIGHTS,
 };
 use crate::inverse_dynamics::tasks::{AccelerationTask, ContactWrench};
 
@@ -64,7 +65,8 @@ impl ContactWrenchConfig {
 
 impl TaskKind for ContactWrenchConfig {
     fn head(&self) -> TaskHead<'_> {
-        TaskHead::new(&self.name, self.level).target(&self.target).only(Formulations::Torque)
+        let head = TaskHead::new(&self.name, self.level).target(&self.target);
+        head.only(Formulations::Torque).acts_on(ActsOn::Forces)
     }
 
     fn parameters(&self) -> Vec<TaskParameter> {

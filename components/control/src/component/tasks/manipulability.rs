@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::held::on_joints;
-use super::{HeldTask, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use super::{ActsOn, HeldTask, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
 use crate::tasks::{ManipulabilityTask, Measure};
 
 /// A manipulability task: the joints move to where a frame is moved, or exerts forces, more easily.
@@ -80,7 +80,7 @@ impl ManipulabilityConfig {
 
 impl TaskKind for ManipulabilityConfig {
     fn head(&self) -> TaskHead<'_> {
-        TaskHead::new(&self.name, self.level)
+        TaskHead::new(&self.name, self.level).acts_on(ActsOn::Joints)
     }
 
     fn parameters(&self) -> Vec<TaskParameter> {

@@ -6,7 +6,8 @@ use serde::Deserialize;
 
 use super::held::{OnAccelerations, on_joints};
 use super::{
-    Fades, Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+    ActsOn, Fades, Formulations, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
+    WEIGHTS,
 };
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationMinimum, ForceRegularisation, TorqueMinimum};
@@ -56,10 +57,12 @@ impl Default for MinimumConfig {
 
 impl TaskKind for MinimumConfig {
     fn head(&self) -> TaskHead<'_> {
-        TaskHead::new(&self.name, self.level).only(match self.of {
-            MinimumOf::Torque | MinimumOf::Force => Formulations::Torque,
-            _ => Formulations::Both,
-        })
+        let head = TaskHead::new(&self.name, self.level);
+        match self.of {
+            MinimumOf::Torque | MinimumOf::Force => head.only(Formulations::Torque).acts_on(ActsOn::Forces),
+            MinimumOf::Velocity | MinimumOf::Effort => head.acts_on(ActsOn::Joints),
+            MinimumOf::Acceleration => head,
+        }
     }
 
     fn parameters(&self) -> Vec<TaskParameter> {

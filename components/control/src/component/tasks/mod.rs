@@ -166,12 +166,15 @@ pub(super) struct TaskHead<'a> {
     pub(super) wrench: Option<&'a str>,
     /// The formulations of the controller that it has a cost for.
     pub(super) formulations: Formulations,
+    /// The unknowns of the controller that it has a part in.
+    pub(super) acts_on: ActsOn,
 }
 
 impl<'a> TaskHead<'a> {
     /// A task without inputs, for velocities and torques.
     fn new(name: &'a str, level: u32) -> Self {
-        Self { name, level, target: None, wrench: None, formulations: Formulations::Both }
+        let (formulations, acts_on) = (Formulations::Both, ActsOn::Body);
+        Self { name, level, target: None, wrench: None, formulations, acts_on }
     }
 
     fn target(self, target: &'a str) -> Self {
@@ -184,6 +187,10 @@ impl<'a> TaskHead<'a> {
 
     fn only(self, formulations: Formulations) -> Self {
         Self { formulations, ..self }
+    }
+
+    fn acts_on(self, acts_on: ActsOn) -> Self {
+        Self { acts_on, ..self }
     }
 }
 
@@ -236,6 +243,17 @@ pub(super) enum Formulations {
     Velocity(&'static str),
     /// Torques alone.
     Torque,
+}
+
+/// The unknowns of the controller that a kind of task has a part in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ActsOn {
+    /// Motions of a body, which joints and contact forces both cause.
+    Body,
+    /// Motions of the joints alone: contact forces do not cause them.
+    Joints,
+    /// Contact forces and torques.
+    Forces,
 }
 
 /// Feedback at acceleration level of a task whose error is to decay at the rate `gain` \[1/s\].

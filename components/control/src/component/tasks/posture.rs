@@ -9,7 +9,7 @@ use serde::Deserialize;
 use super::feedback;
 use super::impedance::{Gain, JointImpedanceConfig};
 use super::{
-    Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
+    ActsOn, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
 use crate::RobotState;
 use crate::component::checks::per_joint;
@@ -90,7 +90,7 @@ impl PostureConfig {
 
 impl TaskKind for PostureConfig {
     fn head(&self) -> TaskHead<'_> {
-        TaskHead::new(&self.name, self.level)
+        TaskHead::new(&self.name, self.level).acts_on(ActsOn::Joints)
     }
 
     fn parameters(&self) -> Vec<TaskParameter> {

@@ -8,8 +8,8 @@ use serde::Deserialize;
 
 use super::held::Form;
 use super::{
-    Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
-    feedback,
+    ActsOn, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
+    WEIGHTS, feedback,
 };
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationTask, RelativeAcceleration};
@@ -72,7 +72,7 @@ impl RelativeConfig {
 
 impl TaskKind for RelativeConfig {
     fn head(&self) -> TaskHead<'_> {
-        TaskHead::new(&self.name, self.level).target(&self.target)
+        TaskHead::new(&self.name, self.level).target(&self.target).acts_on(ActsOn::Joints)
     }
 
     fn parameters(&self) -> Vec<TaskParameter> {

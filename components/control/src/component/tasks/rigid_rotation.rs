@@ -7,8 +7,8 @@ use serde::Deserialize;
 
 use super::held::Form;
 use super::{
-    Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
-    feedback,
+    ActsOn, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
+    WEIGHTS, feedback,
 };
 use crate::RobotState;
 use crate::inverse_dynamics::tasks::{AccelerationTask, RigidRotationAcceleration};
@@ -75,7 +75,7 @@ impl RigidRotationConfig {
 
 impl TaskKind for RigidRotationConfig {
     fn head(&self) -> TaskHead<'_> {
-        TaskHead::new(&self.name, self.level).target(&self.target)
+        TaskHead::new(&self.name, self.level).target(&self.target).acts_on(ActsOn::Joints)
     }
 
     fn parameters(&self) -> Vec<TaskParameter> {

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::held::{OnAccelerations, OnVelocities};
-use super::{HeldTask, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
+use super::{ActsOn, HeldTask, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS};
 use crate::inverse_dynamics::tasks::RollingAcceleration;
 use crate::tasks::RollingTask;
 
@@ -60,7 +60,7 @@ impl RollingConfig {
 
 impl TaskKind for RollingConfig {
     fn head(&self) -> TaskHead<'_> {
-        TaskHead::new(&self.name, self.level)
+        TaskHead::new(&self.name, self.level).acts_on(ActsOn::Joints)
     }
 
     fn parameters(&self) -> Vec<TaskParameter> {

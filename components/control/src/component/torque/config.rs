@@ -7,9 +7,10 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::component::checks::in_range;
-use crate::component::config::QpControllerConfig;
+use crate::component::config::{LimitsConfig, QpControllerConfig};
 use crate::inverse_dynamics::{
-    Contact, ContactShape, FrictionModel, InverseDynamicsSettings, JointAccelerationLimits, WrenchCone,
+    Contact, ContactShape, FrictionModel, InverseDynamicsSettings, JointAccelerationLimits, Unknowns,
+    WrenchCone,
 };
 
 /// Whole-body inverse dynamics: torques, contacts, floating bases. Every key has a default: for a robot of the catalogue with
@@ -23,6 +24,8 @@ use crate::inverse_dynamics::{
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct InverseDynamicsConfig {
+    /// Quantities that each step decides. Default "accelerations_and_forces".
+    pub unknowns: Unknowns,
     /// Contacts with the ground. Default: all feet of the robot's profile.
     pub contacts: Option<Vec<ContactConfig>>,
     /// Cost of a contact force, 1/N, 0 to 1000: spreads the load over the contact points. Default 1e-3.
@@ -42,8 +45,9 @@ pub struct InverseDynamicsConfig {
     pub contact_damping: f64,
     /// Time in which a contact that is switched on or off is loaded or unloaded. Default 200 ms.
     pub contact_ramp: TimeSpan,
-    /// Share of the gains kp and kd with which the drives follow the integrated accelerations, 0 to 1. Default 0: torques alone.
-    pub impedance: f64,
+    /// Share of the gains kp and kd with which the drives follow the integrated accelerations, 0 to 1. Default 0: torques alone; with
+    /// `unknowns = "accelerations"` 1: positions and velocities, with the torques as a feed-forward.
+    pub impedance: Option<f64>,
     /// Time from the start for which the drives hold their positions by all of kp and kd besides the torques, while their actuator
     /// comes out of its safe state; the gains then fall to `impedance` in half of that time. Default 600 ms.
     pub stiff_start: TimeSpan,
@@ -57,6 +61,7 @@ impl Default for InverseDynamicsConfig {
     fn default() -> Self {
         let settings = InverseDynamicsSettings::default();
         Self {
+            unknowns: Unknowns::AccelerationsAndForces,
             contacts: None,
             force_weight: 1e-3,
             braking: settings.joints.braking,
@@ -66,7 +71,7 @@ impl Default for InverseDynamicsConfig {
             joint_damping: settings.joint_damping,
             contact_damping: settings.contact_damping,
             contact_ramp: TimeSpan { ns: 200_000_000 },
-            impedance: 0.0,
+            impedance: None,
             stiff_start: TimeSpan { ns: 600_000_000 },
             friction_model: FrictionModel::Pyramid,
             on_infeasible: InfeasiblePolicy::Relax,
@@ -156,6 +161,13 @@ impl WrenchConfig {
     }
 }
 
+/// The refusal of a key without an effect.
+fn no_use(unknowns: &str, key: impl Into<String>) -> ConfigError {
+    let message = format!("with `unknowns = \"{unknowns}\"`, which has no use for it");
+    ConfigError::key(key, message)
+        .advise("leave it out, or decide both: unknowns = \"accelerations_and_forces\"")
+}
+
 impl InverseDynamicsConfig {
     /// The contacts, checked.
     pub(in crate::component) fn contacts(
@@ -183,13 +195,66 @@ impl InverseDynamicsConfig {
         Ok(contacts)
     }
 
+    /// Share of the gains with which the drives follow the integrated accelerations.
+    pub(super) fn impedance(&self) -> f64 {
+        self.impedance.unwrap_or(if self.unknowns == Unknowns::Accelerations { 1.0 } else { 0.0 })
+    }
+
+    /// Refuses keys that the unknowns have no use for.
+    fn refuse_unused_keys(&self) -> Result<(), ConfigError> {
+        let default = Self::default();
+        let of_forces = [
+            ("torque_fraction", self.torque_fraction != default.torque_fraction),
+            ("friction_model", self.friction_model != default.friction_model),
+        ];
+        let of_motions = [
+            ("braking", self.braking != default.braking),
+            ("max_acceleration", self.max_acceleration != default.max_acceleration),
+            ("contact_damping", self.contact_damping != default.contact_damping),
+        ];
+        let (words, unused) = match self.unknowns {
+            Unknowns::AccelerationsAndForces => return Ok(()),
+            Unknowns::Accelerations => ("accelerations", &of_forces[..]),
+            Unknowns::Forces => ("forces", &of_motions[..]),
+        };
+        if let Some((key, _)) = unused.iter().find(|(_, given)| *given) {
+            return Err(no_use(words, format!("inverse_dynamics.{key}")));
+        }
+        // accelerations may ask for no force at all
+        let has_least = |config: &ContactConfig| {
+            config.wrench.is_some_and(|wrench| wrench.min_force.is_some_and(|force| force != 0.0))
+        };
+        let contact = self.contacts.iter().flatten().position(has_least);
+        match contact.filter(|_| self.unknowns == Unknowns::Accelerations) {
+            Some(index) => Err(no_use(words, format!("inverse_dynamics.contacts[{index}].wrench.min_force"))),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses limits of the joints where forces alone are decided: no joint moves then.
+    pub(in crate::component) fn refuse_unused_limits(
+        &self,
+        limits: &LimitsConfig,
+    ) -> Result<(), ConfigError> {
+        let default = LimitsConfig::default();
+        let given = [
+            ("limits.position.margin", limits.position.margin != default.position.margin),
+            ("limits.velocity.fraction", limits.velocity.fraction != default.velocity.fraction),
+        ];
+        match given.into_iter().find(|(_, given)| *given && self.unknowns == Unknowns::Forces) {
+            Some((key, _)) => Err(no_use("forces", key)),
+            None => Ok(()),
+        }
+    }
+
     /// The settings, checked.
     pub(super) fn settings(
         &self,
         config: &QpControllerConfig,
     ) -> Result<InverseDynamicsSettings, ConfigError> {
         let key = |name: &str| format!("inverse_dynamics.{name}");
-        in_range(&key("impedance"), self.impedance, 0.0..=1.0)?;
+        self.refuse_unused_keys()?;
+        in_range(&key("impedance"), self.impedance(), 0.0..=1.0)?;
         let braking = in_range(&key("braking"), self.braking, 1e-3..=1e6)?;
         Ok(InverseDynamicsSettings {
             gravity: config.gravity.into(),
@@ -203,6 +268,7 @@ impl InverseDynamicsConfig {
                 velocity_fraction: config.limits.velocity.fraction,
             },
             friction_model: self.friction_model,
+            unknowns: self.unknowns,
             joint_damping: in_range(&key("joint_damping"), self.joint_damping, 0.0..=1.0)?,
             torque_fraction: in_range(&key("torque_fraction"), self.torque_fraction, 1e-6..=1.0)?,
             barrier_rate: in_range(&key("barrier_rate"), self.barrier_rate, 1e-3..=1e6)?,

@@ -54,7 +54,8 @@ pub(super) struct TorqueController {
     task_ramp: f64,
     kp_scale: Parameter<f64>,
     kd_scale: Parameter<f64>,
-    velocity_fraction: Parameter<f64>,
+    /// None where forces alone are decided.
+    velocity_fraction: Option<Parameter<f64>>,
     joints: JointAccelerationLimits,
     clock: RunClock,
     last_ns: Option<u64>,
@@ -79,7 +80,7 @@ impl TorqueController {
 
     pub(super) fn configure(config: &QpControllerConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
         let robot = setup.robot()?.clone();
-        let parts = ControllerSetup::new(config, &robot)?;
+        let parts = ControllerSetup::new(config, &robot, setup.folder())?;
         let table = config.inverse_dynamics.clone().unwrap_or_default();
         let mut tasks = parts
             .tasks(setup.period().as_secs_f64())
@@ -102,6 +103,8 @@ impl TorqueController {
         let (damping, fades) = (parts.level_damping(config)?, Fades::new(parts.parameter_count()));
         let loads = (parts.model.mass() * settings.gravity.norm(), table.contact_ramp.as_secs_f64());
         let switches = ContactSwitches::configure(&contacts, &parts, loads, setup)?;
+        let velocity_fraction =
+            parts.limits_velocities().then(|| setup.parameter("velocity_fraction")).transpose()?;
         let ControllerSetup { model, gains, .. } = parts;
         let control = InverseDynamics::with_room(&model, contacts, settings, room)
             .levels(&rows)
@@ -121,7 +124,7 @@ impl TorqueController {
             reference_velocity: vec![0.0; model.joint_count()],
             torque: vec![0.0; model.joint_count()],
             gains,
-            impedance: table.impedance,
+            impedance: table.impedance(),
             stiff_start: table.stiff_start.as_secs_f64(),
             began_for: 0.0,
             policy: table.on_infeasible,
@@ -131,7 +134,7 @@ impl TorqueController {
             task_ramp: config.task_ramp.as_secs_f64(),
             kp_scale: setup.parameter("kp_scale")?,
             kd_scale: setup.parameter("kd_scale")?,
-            velocity_fraction: setup.parameter("velocity_fraction")?,
+            velocity_fraction,
             clock: setup.clock(),
             last_ns: None,
             failing: false,
@@ -194,8 +197,10 @@ impl TorqueController {
             held.task.weigh(&bounds, &mut self.fades);
             held.task.prepare(&bounds);
         }
-        self.joints.velocity_fraction = self.velocity_fraction.get().max(1e-6);
-        self.control.set_joint_limits(self.joints);
+        if let Some(fraction) = &self.velocity_fraction {
+            self.joints.velocity_fraction = fraction.get().max(1e-6);
+            self.control.set_joint_limits(self.joints);
+        }
         self.contacts.apply(&mut self.control, dt, target_timeout_ns);
         let limits = &mut self.limits.rows;
         self.objects.update(|visit| limits.iter_mut().for_each(|limit| visit(limit.as_mut())))?;

@@ -2,12 +2,16 @@
 
 use motorium::prelude::*;
 use motorium::state::{ContactSchedule, MAX_FEET};
+use nalgebra::Vector3;
 
 use crate::component::setup::ControllerSetup;
 use crate::inverse_dynamics::{Contact, InverseDynamics};
 
 /// Normal force at each point of a contact up to which it is loaded, as a multiple of the robot's weight.
 const LOADED: f64 = 2.0;
+
+/// Length of a normal below which it counts as none.
+const LEAST_NORMAL: f64 = 1e-6;
 
 /// Name of the input of the schedule.
 const INPUT: &str = "contact_schedule";
@@ -21,6 +25,8 @@ pub(super) struct ContactSwitches {
     /// Feet of the robot's profile.
     feet: usize,
     ramp: f64,
+    /// Normal of the ground, of the last schedule.
+    normal: Vector3<f64>,
     /// Steps in which the schedule was too old or of other feet, so that all feet stood.
     without_schedule: u64,
 }
@@ -66,7 +72,7 @@ impl ContactSwitches {
         let switches = contacts.iter().map(switch).collect::<Result<Vec<_>, ConfigureError>>()?;
         let feet = feet(parts).count();
         let schedule = if feet > 0 { Some(setup.input(INPUT)?) } else { None };
-        Ok(Self { switches, schedule, feet, ramp, without_schedule: 0 })
+        Ok(Self { switches, schedule, feet, ramp, normal: Vector3::z(), without_schedule: 0 })
     }
 
     /// Loads and unloads the contacts for a step of `dt` seconds. A schedule older than `timeout_ns` does not count.
@@ -80,6 +86,11 @@ impl ContactSwitches {
             .filter(|schedule| schedule.age_ns() <= timeout_ns && schedule.count() == self.feet);
         self.without_schedule += u64::from(wired && fresh.is_none());
         let planned = fresh.as_ref().map(|schedule| schedule.load());
+        // without a fresh schedule the ground is what it was
+        if let Some(schedule) = &fresh {
+            let normal = Vector3::from(schedule.ground_normal);
+            self.normal = normal.try_normalize(LEAST_NORMAL).unwrap_or(Vector3::z());
+        }
         for (index, switch) in self.switches.iter_mut().enumerate() {
             switch.load += (switch.parameter.get() - switch.load).clamp(-step, step);
             switch.share = match planned.zip(switch.foot) {
@@ -88,6 +99,9 @@ impl ContactSwitches {
             };
             let load = switch.load * switch.share;
             control.set_active(index, load > 0.0);
+            if wired && switch.foot.is_some() {
+                control.set_normal(index, self.normal);
+            }
             let full = load >= 1.0;
             control.set_max_force(index, if full { switch.max_force } else { load * switch.ramped });
         }
@@ -99,7 +113,7 @@ impl ContactSwitches {
 
     pub(super) fn reset(&mut self) {
         self.switches.iter_mut().for_each(|switch| (switch.load, switch.share) = (1.0, 1.0));
-        self.without_schedule = 0;
+        (self.normal, self.without_schedule) = (Vector3::z(), 0);
     }
 
     pub(super) fn add_to(&self, result: &mut serde_json::Value) {

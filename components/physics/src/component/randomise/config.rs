@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use motorium::declare::ConfigError;
+use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -41,6 +42,10 @@ pub struct RandomiseConfig {
     pub effort_limit: Option<Interval>,
     /// Displacement of the start of each joint, rad or m; the start stays within the joint's limits.
     pub start: Option<Interval>,
+    /// The actuators of the joints.
+    pub actuator: ActuatorIntervals,
+    /// Time after which all but starts, objects and the terrain is drawn anew, within an episode too. Default: once an episode.
+    pub every: Option<TimeSpan>,
     /// Displacement of the start of a floating base.
     pub base: PlaceIntervals,
     /// The ground or the terrain.
@@ -71,6 +76,56 @@ pub struct RobotIntervals {
     pub effort_limit: Option<Interval>,
     /// Displacement of the start of each joint, rad or m.
     pub start: Option<Interval>,
+    /// Its actuators.
+    pub actuator: ActuatorIntervals,
+}
+
+/// Ranges of the actuators of joints: factors of what the graph says of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ActuatorIntervals {
+    /// Factor of the stiffness and the damping that a drive is commanded, from 0 to 100.
+    pub gain: Option<Interval>,
+    /// Factor of all efforts that a drive gives, and of its largest, from 0 to 100.
+    pub strength: Option<Interval>,
+    /// Factor of `delay` of an actuator, above 0 to 100.
+    pub delay: Option<Interval>,
+    /// Factor of `lag` of an actuator, from 0 to 100.
+    pub lag: Option<Interval>,
+    /// Factor of `rate_limit` of an actuator, above 0 to 100.
+    pub rate_limit: Option<Interval>,
+    /// Factor of `drivetrain.backlash` of an actuator, from 0 to 100.
+    pub backlash: Option<Interval>,
+    /// Factor of `drivetrain.stiffness` of an actuator, above 0 to 100.
+    pub stiffness: Option<Interval>,
+}
+
+impl ActuatorIntervals {
+    /// These, and those of others where there is none.
+    fn or(self, other: Self) -> Self {
+        Self {
+            gain: self.gain.or(other.gain),
+            strength: self.strength.or(other.strength),
+            delay: self.delay.or(other.delay),
+            lag: self.lag.or(other.lag),
+            rate_limit: self.rate_limit.or(other.rate_limit),
+            backlash: self.backlash.or(other.backlash),
+            stiffness: self.stiffness.or(other.stiffness),
+        }
+    }
+
+    /// That of this name.
+    fn named(&self, key: &str) -> Option<Interval> {
+        match key {
+            "gain" => self.gain,
+            "strength" => self.strength,
+            "delay" => self.delay,
+            "lag" => self.lag,
+            "rate_limit" => self.rate_limit,
+            "backlash" => self.backlash,
+            _ => self.stiffness,
+        }
+    }
 }
 
 /// Ranges of a displacement in the world.
@@ -204,6 +259,7 @@ impl RandomiseConfig {
             joint_friction: own.joint_friction.or(self.joint_friction),
             effort_limit: own.effort_limit.or(self.effort_limit),
             start: own.start.or(self.start),
+            actuator: own.actuator.or(self.actuator),
         }
     }
 
@@ -218,7 +274,8 @@ impl RandomiseConfig {
             "damping" => own.damping,
             "joint_friction" => own.joint_friction,
             "effort_limit" => own.effort_limit,
-            _ => own.start,
+            "start" => own.start,
+            key => own.actuator.named(key.trim_start_matches("actuator.")),
         };
         if there.is_some() { format!("robots.{name}.{key}") } else { key.to_owned() }
     }

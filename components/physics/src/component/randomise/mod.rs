@@ -1,23 +1,26 @@
-//! Physical properties drawn anew at the start of every episode.
+//! Physical properties drawn anew at the start of every episode, and in time.
 
 mod config;
 mod quantity;
+mod varied;
 
 use std::collections::VecDeque;
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::{Digest, Randomisation as Message};
+use motorium::telemetry::set_apart;
 use motorium::transport::Output;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_pcg::Pcg64;
 use serde_json::{Map, Value, json};
 
 pub use config::{
-    Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals, SurfaceIntervals,
-    TerrainIntervals,
+    ActuatorIntervals, Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals,
+    SurfaceIntervals, TerrainIntervals,
 };
-use quantity::{Quantity, Scene, Share, quantities, shares};
+use quantity::{Quantity, quantities};
+use varied::{Scene, Share, shares};
 
 use super::PhysicsEngine;
 use super::build::{Built, BuiltRobot};
@@ -41,13 +44,19 @@ pub(super) struct Randomiser {
     episodes: VecDeque<Draw>,
     /// The present draw has not been published.
     pending: bool,
+    /// Time after which it is drawn anew within an episode \[ns\].
+    every_ns: Option<u64>,
+    /// Per drive of the simulation: factors of its gain and of its strength.
+    drives: Vec<[f64; 2]>,
 }
 
-/// The draws of an episode.
+/// The draws of an episode, or of a part of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Draw {
     episode: u64,
     seed: u64,
+    /// Number within the episode.
+    number: u64,
     values: Vec<f64>,
 }
 
@@ -64,6 +73,10 @@ pub(super) fn declare<E: PhysicsEngine>(
         return Ok(());
     }
     quantities(config, &built.robots, &built.simulation.properties())?;
+    if config.every.is_some() && !E::CAPABILITIES.changes {
+        let message = format!("the {} engine takes other properties at resets alone", E::NAME);
+        return Err(ConfigError::key("randomise.every", message).advise("use `physics.articulated`"));
+    }
     for robot in &built.robots {
         declare.output::<Message>(&robot.port(PORT), "physical properties drawn for the episode");
     }
@@ -90,6 +103,8 @@ impl Randomiser {
             outputs: outputs?,
             episodes: VecDeque::new(),
             pending: false,
+            every_ns: config.every.map(|every| every.ns),
+            drives: vec![[1.0; 2]; simulation.joint_names().len()],
             quantities,
             nominal,
             on_ground,
@@ -102,8 +117,7 @@ impl Randomiser {
         simulation: &mut Simulation<E>,
         (episode, seed): (u64, u64),
     ) -> Result<(), ResetError> {
-        let values: Vec<f64> =
-            self.quantities.iter().map(|quantity| quantity.at(share(seed, &quantity.path))).collect();
+        let values = self.values(seed, 0);
         let scene = Scene { nominal: &self.nominal, shares: &self.shares, q: &self.q };
         let start = scene.varied(&self.quantities, &values);
         let v = vec![0.0; simulation.velocity().len()];
@@ -121,12 +135,59 @@ impl Randomiser {
             }
             simulation.reset(&q, &v)?;
         }
+        self.note(simulation, Draw { episode, seed, number: 0, values }, &start.drives);
+        Ok(())
+    }
+
+    /// Draws anew what may change within an episode, when it is time: with memory of its own, which is counted apart.
+    pub(super) fn follow<E: PhysicsEngine>(
+        &mut self,
+        simulation: &mut Simulation<E>,
+        time_ns: u64,
+    ) -> Result<(), ResetError> {
+        let Some(every) = self.every_ns else { return Ok(()) };
+        let (episode, seed, number) =
+            self.episodes.back().map_or((0, 0, 0), |draw| (draw.episode, draw.seed, draw.number));
+        if time_ns / every == number {
+            return Ok(());
+        }
+        set_apart(|| {
+            let number = time_ns / every;
+            let values = self.values(seed, number);
+            let scene = Scene { nominal: &self.nominal, shares: &self.shares, q: &self.q };
+            let varied = scene.varied(&self.quantities, &values);
+            simulation.change(&varied.properties)?;
+            self.note(simulation, Draw { episode, seed, number, values }, &varied.drives);
+            Ok(())
+        })
+    }
+
+    /// The values of all quantities in a part of an episode.
+    fn values(&self, seed: u64, number: u64) -> Vec<f64> {
+        let value = |quantity: &Quantity| {
+            let number = if quantity.changes() { number } else { 0 };
+            quantity.at(share((seed, number), &quantity.path))
+        };
+        self.quantities.iter().map(value).collect()
+    }
+
+    /// Keeps a draw, and hands its factors to the drives.
+    fn note<E: PhysicsEngine>(&mut self, simulation: &Simulation<E>, draw: Draw, factors: &[Vec<[f64; 2]>]) {
+        for (own, factors) in simulation.articulations().iter().zip(factors) {
+            // Rotors come after joints, and have none.
+            let first = own.drives().start;
+            self.drives[first..first + factors.len()].copy_from_slice(factors);
+        }
         if self.episodes.len() == REPORTED {
             self.episodes.pop_front();
         }
-        self.episodes.push_back(Draw { episode, seed, values });
+        self.episodes.push_back(draw);
         self.pending = true;
-        Ok(())
+    }
+
+    /// Per drive of the simulation: factors of its gain and of its strength.
+    pub(super) fn drives(&self) -> &[[f64; 2]] {
+        &self.drives
     }
 
     /// Index and seed of the present episode, as numbers of a checkpoint.
@@ -167,6 +228,10 @@ impl Randomiser {
             let mut report = Map::new();
             report.insert("episode".to_owned(), json!(draw.episode));
             report.insert("seed".to_owned(), json!(draw.seed));
+            if let Some(every) = self.every_ns {
+                let from = draw.number as f64 * every as f64 * 1e-9;
+                report.insert("from_s".to_owned(), json!(from));
+            }
             for (quantity, value) in self.quantities.iter().zip(&draw.values) {
                 insert(&mut report, &quantity.path, *value);
             }
@@ -188,11 +253,14 @@ fn insert(table: &mut Map<String, Value>, path: &[String], value: f64) {
     }
 }
 
-/// A number from 0 to 1 for a quantity, evenly distributed over the seeds. It depends on the seed and the path alone: another
-/// range changes no other draw.
-fn share(seed: u64, path: &[String]) -> f64 {
+/// A number from 0 to 1 for a quantity, evenly distributed over the seeds. It depends on the seed, the number of the draw in its episode and the
+/// path alone: another range changes no other draw.
+fn share((seed, number): (u64, u64), path: &[String]) -> f64 {
     let mut digest = Digest::default();
     digest.write_u64(seed);
+    if number > 0 {
+        digest.write_u64(number);
+    }
     for part in path {
         digest.write(part.as_bytes());
         // no byte of UTF-8
@@ -213,7 +281,13 @@ mod tests {
     fn draws_are_evenly_distributed_over_seeds_and_over_parts() {
         for by_seed in [true, false] {
             let draws: Vec<f64> = (0..4000_u64)
-                .map(|k| if by_seed { share(k, &path("arm")) } else { share(1, &path(&format!("link{k}"))) })
+                .map(|k| {
+                    if by_seed {
+                        share((k, 0), &path("arm"))
+                    } else {
+                        share((1, 0), &path(&format!("link{k}")))
+                    }
+                })
                 .collect();
             let mean = draws.iter().sum::<f64>() / 4000.0;
             let variance = draws.iter().map(|draw| (draw - mean).powi(2)).sum::<f64>() / 4000.0;
@@ -226,10 +300,11 @@ mod tests {
 
     #[test]
     fn the_same_seed_and_name_draw_the_same_and_others_differ() {
-        assert_eq!(share(7, &path("arm")).to_bits(), share(7, &path("arm")).to_bits());
-        assert_ne!(share(7, &path("arm")), share(8, &path("arm")));
-        assert_ne!(share(7, &path("arm")), share(7, &path("leg")));
-        assert_ne!(share(7, &["ab".into(), "c".into()]), share(7, &["a".into(), "bc".into()]));
+        assert_eq!(share((7, 0), &path("arm")).to_bits(), share((7, 0), &path("arm")).to_bits());
+        assert_ne!(share((7, 0), &path("arm")), share((8, 0), &path("arm")));
+        assert_ne!(share((7, 0), &path("arm")), share((7, 1), &path("arm")));
+        assert_ne!(share((7, 0), &path("arm")), share((7, 0), &path("leg")));
+        assert_ne!(share((7, 0), &["ab".into(), "c".into()]), share((7, 0), &["a".into(), "bc".into()]));
     }
 
     #[test]

@@ -2,11 +2,12 @@
 
 use motorium::declare::ConfigError;
 use motorium::state::{MAX_DRAWN, Randomisation as Message};
-use motorium_robots::{BodyFactors, Model};
+use motorium_robots::ActuatorSettings;
 
 use super::super::build::BuiltRobot;
 use super::config::{Allowed, Interval, RandomiseConfig, TerrainIntervals};
-use crate::{Properties, Surface};
+use super::varied::shares;
+use crate::Properties;
 
 /// One quantity that is drawn.
 #[derive(Clone, Debug)]
@@ -22,6 +23,13 @@ pub(super) struct Quantity {
 }
 
 impl Quantity {
+    /// True for what may change within an episode: no start, no object, no terrain.
+    pub(super) fn changes(&self) -> bool {
+        let once = Message::START..=Message::OBJECT_YAW;
+        !once.contains(&self.property)
+            && ![Message::TERRAIN_SEED, Message::TERRAIN_SCALE].contains(&self.property)
+    }
+
     /// Its value at a share from 0 to 1 of its range.
     pub(super) fn at(&self, share: f64) -> f64 {
         if self.property == Message::TERRAIN_SEED {
@@ -30,52 +38,6 @@ impl Quantity {
             self.interval.at(share)
         }
     }
-}
-
-/// The part of the simulation's models that one robot is.
-#[derive(Clone, Debug)]
-pub(super) struct Share {
-    /// The articulation that it is, or is part of.
-    articulation: usize,
-    /// Its first body.
-    bodies: usize,
-    /// Its first joint.
-    joints: usize,
-    /// Prefix of the names of its links.
-    prefix: String,
-}
-
-/// Nominal properties and start of an episode, and what draws make of them.
-pub(super) struct Scene<'a> {
-    pub(super) nominal: &'a Properties,
-    pub(super) shares: &'a [Share],
-    /// Start of the configuration (nq).
-    pub(super) q: &'a [f64],
-}
-
-/// The start of an episode.
-pub(super) struct Start {
-    pub(super) properties: Properties,
-    pub(super) q: Vec<f64>,
-    /// Displacement of the base of each articulation upwards \[m\].
-    pub(super) lifts: Vec<f64>,
-    /// The posture or the place of a base differs from the nominal one.
-    pub(super) moved: bool,
-}
-
-/// The part that each robot has in the model of its articulation.
-pub(super) fn shares(robots: &[BuiltRobot]) -> Vec<Share> {
-    let share = |(index, robot): (usize, &BuiltRobot)| {
-        // Robots of one articulation stand in it in their order.
-        let before = || robots[..index].iter().filter(|other| other.articulation == robot.articulation);
-        Share {
-            articulation: robot.articulation,
-            bodies: before().map(|other| other.loaded.model.bodies().len()).sum(),
-            joints: before().map(|other| other.loaded.model.joint_count()).sum(),
-            prefix: robot.prefix(),
-        }
-    };
-    robots.iter().enumerate().map(share).collect()
 }
 
 /// Checks the ranges and lists all quantities, in the order of the message.
@@ -94,8 +56,11 @@ pub(super) fn quantities(
         let message = format!("`{name}` is not one of several robots of this component");
         return Err(ConfigError::key(format!("randomise.robots.{name}"), message));
     }
+    let shares = shares(robots);
     for (index, robot) in robots.iter().enumerate() {
-        of_robot(config, (index, robot), &mut list)?;
+        let of_all = nominal.actuators.get(robot.articulation).map_or(&[][..], Vec::as_slice);
+        let actuators = of_all.get(shares[index].joints..).unwrap_or(&[]);
+        of_robot(config, (index, robot), actuators, &mut list)?;
         of_base(config, (index, robots), &mut list)?;
         let world = list.0.iter().filter(|quantity| quantity.robot.is_none()).count();
         let own = list.0.iter().filter(|quantity| quantity.robot == Some(index)).count();
@@ -103,6 +68,16 @@ pub(super) fn quantities(
             let message =
                 format!("{} numbers are drawn, at most {MAX_DRAWN} fit into a message", world + own);
             return Err(ConfigError::key("randomise", message).advise("draw fewer properties"));
+        }
+    }
+    if let Some(every) = config.every {
+        if every.ns == 0 {
+            return Err(ConfigError::key("randomise.every", "0 s, expected a time above 0"));
+        }
+        if !list.0.iter().any(Quantity::changes) {
+            let message = "nothing is drawn that may change within an episode";
+            return Err(ConfigError::key("randomise.every", message)
+                .advise("starts, objects and the terrain are drawn once an episode: leave it out"));
         }
     }
     Ok(list.0)
@@ -184,6 +159,7 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
 fn of_robot(
     config: &RandomiseConfig,
     (index, robot): (usize, &BuiltRobot),
+    actuators: &[Option<ActuatorSettings>],
     list: &mut List,
 ) -> Result<(), ConfigError> {
     let (name, model) = (robot.name.as_deref(), &robot.loaded.model);
@@ -198,7 +174,7 @@ fn of_robot(
         }
         for (part, of) in parts {
             let mut path: Vec<String> = name.map_or_else(Vec::new, |name| vec!["robots".into(), name.into()]);
-            path.push(key.to_owned());
+            path.extend(key.split('.').map(str::to_owned));
             if !of.is_empty() {
                 path.push(of.to_owned());
             }
@@ -227,7 +203,24 @@ fn of_robot(
     add(Message::JOINT_FRICTION, "joint_friction", rubbing, ranges.joint_friction, Allowed::Factor)?;
     let limited = joints(&|joint| model.effort_limit()[joint].is_finite());
     add(Message::EFFORT_LIMIT, "effort_limit", limited, ranges.effort_limit, Allowed::Factor)?;
-    add(Message::START, "start", joints(&|_| true), ranges.start, Allowed::Displacement)
+    add(Message::START, "start", joints(&|_| true), ranges.start, Allowed::Displacement)?;
+    let settings = |joint: usize| actuators.get(joint)?.as_ref();
+    let own = &ranges.actuator;
+    // A network gives its efforts itself, whatever the drive is commanded.
+    let driven = joints(&|joint| settings(joint).is_none_or(|own| own.network.is_none()));
+    add(Message::ACTUATOR_GAIN, "actuator.gain", driven.clone(), own.gain, Allowed::Factor)?;
+    add(Message::ACTUATOR_STRENGTH, "actuator.strength", driven, own.strength, Allowed::Factor)?;
+    let with = |has: fn(&ActuatorSettings) -> bool| joints(&|joint| settings(joint).is_some_and(has));
+    let delayed = with(|own| own.delay > 0.0);
+    add(Message::ACTUATOR_DELAY, "actuator.delay", delayed, own.delay, Allowed::Positive)?;
+    let lagging = with(|own| own.lag > 0.0);
+    add(Message::ACTUATOR_LAG, "actuator.lag", lagging, own.lag, Allowed::Factor)?;
+    let limited = with(|own| own.rate_limit.is_some());
+    add(Message::ACTUATOR_RATE_LIMIT, "actuator.rate_limit", limited, own.rate_limit, Allowed::Positive)?;
+    let loose = with(|own| own.drivetrain.is_some_and(|drivetrain| drivetrain.backlash > 0.0));
+    add(Message::ACTUATOR_BACKLASH, "actuator.backlash", loose, own.backlash, Allowed::Factor)?;
+    let elastic = with(|own| own.drivetrain.is_some());
+    add(Message::ACTUATOR_STIFFNESS, "actuator.stiffness", elastic, own.stiffness, Allowed::Positive)
 }
 
 /// The place of the base of a robot that floats. Ranges that no robot can use are refused.
@@ -259,113 +252,4 @@ fn of_base(
         list.0.push(Quantity { property, part: 0, path, interval, robot: Some(index) });
     }
     Ok(())
-}
-
-impl Scene<'_> {
-    /// The start of an episode with `values`, one for each quantity.
-    pub(super) fn varied(&self, quantities: &[Quantity], values: &[f64]) -> Start {
-        let mut world = self.nominal.world.clone();
-        let mut surfaces = self.nominal.surfaces.clone();
-        let models: Vec<&Model> = core::iter::once(&self.nominal.model).chain(&self.nominal.others).collect();
-        let mut bases = vec![1.0; models.len()];
-        let mut of_bodies: Vec<Vec<BodyFactors>> =
-            models.iter().map(|model| vec![BodyFactors::default(); model.bodies().len()]).collect();
-        let (mut q, mut lifts, mut moved) = (self.q.to_vec(), vec![0.0; models.len()], false);
-        for (quantity, &value) in quantities.iter().zip(values) {
-            let part = quantity.part as usize;
-            let share = quantity.robot.map(|robot| &self.shares[robot]);
-            let (articulation, bodies, joints) =
-                share.map_or((0, 0, 0), |share| (share.articulation, share.bodies, share.joints));
-            let (model, joint) = (models[articulation], joints + part);
-            let factors = &mut of_bodies[articulation];
-            let start: usize = models[..articulation].iter().map(|model| model.nq()).sum();
-            match quantity.property {
-                Message::GRAVITY => world.gravity.iter_mut().for_each(|g| *g *= value),
-                Message::BODY_MASS if quantity.part == Message::BASE => bases[articulation] = value,
-                Message::BODY_MASS => factors[bodies + part].mass = value,
-                Message::DAMPING => {
-                    of_joint(model, joint).for_each(|body| factors[body].damping = value);
-                }
-                Message::JOINT_FRICTION => {
-                    of_joint(model, joint).for_each(|body| factors[body].friction = value);
-                }
-                Message::EFFORT_LIMIT => factors[model.joint_body(joint)].effort_limit = value,
-                Message::START => {
-                    let (lower, upper) = (model.lower()[joint], model.upper()[joint]);
-                    let at = start + model.nq() - model.joint_count() + joint;
-                    q[at] = (q[at] + value).clamp(lower.min(q[at]), upper.max(q[at]));
-                    moved = true;
-                }
-                Message::BASE_X | Message::BASE_Y => {
-                    q[start + (quantity.property - Message::BASE_X) as usize] += value;
-                    moved = true;
-                }
-                Message::BASE_Z => lifts[articulation] = value,
-                Message::BASE_YAW => {
-                    turn(&mut q[start + 3..start + 7], value);
-                    moved = true;
-                }
-                Message::TERRAIN_SEED | Message::TERRAIN_SCALE => {
-                    if let Some(terrain) = &mut world.terrain {
-                        match quantity.property {
-                            Message::TERRAIN_SEED => terrain.seed = value as u64,
-                            _ => terrain.scale *= value,
-                        }
-                    }
-                    moved = true;
-                }
-                Message::OBJECT_MASS => {
-                    let mass = &mut world.objects[part].mass;
-                    *mass = mass.map(|mass| mass * value);
-                }
-                Message::OBJECT_X | Message::OBJECT_Y | Message::OBJECT_Z => {
-                    world.objects[part].position[(quantity.property - Message::OBJECT_X) as usize] += value;
-                }
-                Message::OBJECT_YAW => world.objects[part].rpy[2] += value,
-                _ => self.set_surfaces(&mut surfaces, quantity, value),
-            }
-        }
-        let varied = models.iter().zip(&bases).zip(&of_bodies);
-        let mut varied = varied.map(|((model, base), factors)| model.with_factors(*base, factors));
-        let model = varied.next().unwrap_or_else(|| self.nominal.model.clone());
-        let others = varied.collect();
-        Start { properties: Properties { model, others, world, surfaces }, q, lifts, moved }
-    }
-
-    /// Sets the friction or the restitution of the surfaces that a quantity is about.
-    fn set_surfaces(&self, surfaces: &mut [Surface], quantity: &Quantity, value: f64) {
-        let world = &self.nominal.world;
-        let is_object = |name: &str| world.objects.iter().any(|object| object.name == name);
-        let of_world = |name: &str| name == "ground" || name == "terrain";
-        let own = |name: &str| match (quantity.property, quantity.robot) {
-            (Message::GROUND_FRICTION | Message::GROUND_RESTITUTION, _) => of_world(name),
-            (_, None) => name == world.objects[quantity.part as usize].name,
-            (_, Some(robot)) => {
-                !is_object(name) && !of_world(name) && name.starts_with(&self.shares[robot].prefix)
-            }
-        };
-        let friction = [Message::GROUND_FRICTION, Message::OBJECT_FRICTION, Message::FRICTION]
-            .contains(&quantity.property);
-        for surface in surfaces.iter_mut().filter(|surface| own(&surface.name)) {
-            if friction {
-                surface.friction *= value;
-            } else {
-                surface.restitution = value;
-            }
-        }
-    }
-}
-
-/// The bodies that an independent joint moves, itself or by a joint that follows it.
-fn of_joint(model: &Model, joint: usize) -> impl Iterator<Item = usize> {
-    let bodies = model.bodies().iter().enumerate();
-    bodies.filter(move |(_, body)| body.joint.coordinate.index() == joint).map(|(index, _)| index)
-}
-
-/// Turns an orientation x y z w about z of the world.
-fn turn(orientation: &mut [f64], angle: f64) {
-    let [x, y, z, w] = [orientation[0], orientation[1], orientation[2], orientation[3]];
-    let (sin, cos) = (0.5 * angle).sin_cos();
-    let turned = [cos * x - sin * y, cos * y + sin * x, cos * z + sin * w, cos * w - sin * z];
-    orientation.copy_from_slice(&turned);
 }

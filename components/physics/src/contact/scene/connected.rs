@@ -4,7 +4,7 @@ use nalgebra::Isometry3;
 
 use super::ContactScene;
 use crate::ConnectionKind;
-use crate::contact::Owner;
+use crate::contact::{Member, Owner};
 
 impl ContactScene {
     /// Adds the points of connections that may be at work in the next integration step.
@@ -20,21 +20,21 @@ impl ContactScene {
     /// Connects two parts, each with the frame that they share as it lies in it.
     pub(crate) fn connect(
         &mut self,
-        owners: [Owner; 2],
+        members: [Member; 2],
         frames: [Isometry3<f64>; 2],
         kind: (ConnectionKind, bool),
     ) {
-        self.connections.add(&self.colliders.colliders, owners, frames, kind);
+        self.connections.add(&self.colliders.colliders, members, frames, kind);
         self.make_room();
         self.objects.wake();
     }
 
     /// Takes the connections of two parts away; `false` where there are none.
-    pub(crate) fn disconnect(&mut self, owners: [Owner; 2]) -> bool {
+    pub(crate) fn disconnect(&mut self, members: [Member; 2]) -> bool {
         self.objects.wake();
         // They may be near one another, and were not looked at.
         self.detector.forget();
-        self.connections.remove(owners)
+        self.connections.remove(members)
     }
 
     pub(super) fn make_room(&mut self) {
@@ -44,11 +44,15 @@ impl ContactScene {
         self.impulses.make_room(contacts + held);
     }
 
-    /// The part of the simulation that an object of the world moves with, and its pose there.
-    pub(crate) fn owner_of_object(&self, index: usize) -> (Owner, Isometry3<f64>) {
+    /// What a connection holds of an object of the world, and the pose of the object there.
+    pub(crate) fn member_of_object(&self, index: usize) -> (Member, Isometry3<f64>) {
         match self.objects.movable[index] {
-            Some(movable) => (Owner::Object(movable), Isometry3::identity()),
-            None => (Owner::World, self.object_pose(index)),
+            Some(movable) => {
+                let body = &self.objects.now[movable];
+                let pose = body.axes.map_or_else(Isometry3::identity, |axes| axes.inverse());
+                (Member { owner: Owner::Object(movable), fixed: None }, pose)
+            }
+            None => (Member { owner: Owner::World, fixed: Some(index) }, self.object_pose(index)),
         }
     }
 }

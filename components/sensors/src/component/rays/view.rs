@@ -74,9 +74,9 @@ impl View {
     pub(super) fn declare(seen: Seen<'_>, declare: &mut Declare) -> Result<(), ConfigError> {
         let model = TrueMotion::declare(seen.mount, seen.needs(), declare)?;
         let links = model.frames().iter().map(|frame| frame.name.as_str());
-        located(seen.world, declare.folder())
-            .check(links)
-            .map_err(|error: WorldError| ConfigError::key("world", error.to_string()))?;
+        let world = located(seen.world, declare.folder())?;
+        world.check(links).map_err(|error: WorldError| ConfigError::key("world", error.to_string()))?;
+        let seen = Seen { world: &world, ..seen };
         let beyond = seen.world.objects.iter().skip(MAX_OBJECTS).find(|object| object.is_dynamic());
         if let Some(object) = beyond {
             let message = format!(
@@ -106,6 +106,8 @@ impl View {
         sees_colours: bool,
         setup: &mut Setup,
     ) -> Result<Self, ConfigureError> {
+        let world = located(seen.world, setup.folder())?;
+        let seen = Seen { world: &world, ..seen };
         let motion = TrueMotion::open(seen.mount, seen.needs(), setup)?;
         let mut scene = RayScene::default();
         let mut links = Vec::new();
@@ -118,14 +120,13 @@ impl View {
                 (attachment != Attachment::World).then_some(Link { target, attachment, placement })
             }));
         }
-        let world = located(seen.world, setup.folder());
         let first_object = scene.add_world(&world);
         let looks =
             if sees_colours { Some(looks(setup.robot()?, solids.as_ref(), seen.world)?) } else { None };
         let root = motion.model().frames()[0].name.clone();
         let root = motion.model().frame(&root).map_err(|error| ConfigError::new(error.to_string()))?;
-        let terrain = match world.terrain {
-            Some(terrain) => Some((terrain, Drawn::open(setup)?)),
+        let terrain = match &world.terrain {
+            Some(terrain) => Some((terrain.clone(), Drawn::open(setup)?)),
             None => None,
         };
         let objects = if seen.moves() { Some(setup.input("object_poses")?) } else { None };
@@ -217,10 +218,10 @@ impl View {
 }
 
 /// The world with the paths of its files, which begin at `folder`.
-fn located(world: &World, folder: &Path) -> World {
+fn located(world: &World, folder: &Path) -> Result<World, ConfigError> {
     let mut world = world.clone();
-    world.locate(folder);
-    world
+    world.locate(folder).map_err(|error| ConfigError::key("world", error.to_string()))?;
+    Ok(world)
 }
 
 /// The solids of a robot, for rays: meshes as their convex hulls.

@@ -1,0 +1,193 @@
+//! The start of an episode as draws make it.
+
+use motorium::state::Randomisation as Message;
+use motorium_robots::{ActuatorSettings, BodyFactors, Model};
+
+use super::super::build::BuiltRobot;
+use super::quantity::Quantity;
+use crate::{Properties, Surface};
+
+/// The part of the simulation's models that one robot is.
+#[derive(Clone, Debug)]
+pub(super) struct Share {
+    /// The articulation that it is, or is part of.
+    articulation: usize,
+    /// Its first body.
+    bodies: usize,
+    /// Its first joint.
+    pub(super) joints: usize,
+    /// Prefix of the names of its links.
+    prefix: String,
+}
+
+/// Nominal properties and start of an episode, and what draws make of them.
+pub(super) struct Scene<'a> {
+    pub(super) nominal: &'a Properties,
+    pub(super) shares: &'a [Share],
+    /// Start of the configuration (nq).
+    pub(super) q: &'a [f64],
+}
+
+/// The start of an episode.
+pub(super) struct Start {
+    pub(super) properties: Properties,
+    pub(super) q: Vec<f64>,
+    /// Displacement of the base of each articulation upwards \[m\].
+    pub(super) lifts: Vec<f64>,
+    /// The posture or the place of a base differs from the nominal one.
+    pub(super) moved: bool,
+    /// Per joint of all articulations: factors of what its drive is commanded, gain and strength.
+    pub(super) drives: Vec<Vec<[f64; 2]>>,
+}
+
+/// The part that each robot has in the model of its articulation.
+pub(super) fn shares(robots: &[BuiltRobot]) -> Vec<Share> {
+    let share = |(index, robot): (usize, &BuiltRobot)| {
+        // Robots of one articulation stand in it in their order.
+        let before = || robots[..index].iter().filter(|other| other.articulation == robot.articulation);
+        Share {
+            articulation: robot.articulation,
+            bodies: before().map(|other| other.loaded.model.bodies().len()).sum(),
+            joints: before().map(|other| other.loaded.model.joint_count()).sum(),
+            prefix: robot.prefix(),
+        }
+    };
+    robots.iter().enumerate().map(share).collect()
+}
+
+impl Scene<'_> {
+    /// The start of an episode with `values`, one for each quantity.
+    pub(super) fn varied(&self, quantities: &[Quantity], values: &[f64]) -> Start {
+        let mut world = self.nominal.world.clone();
+        let mut surfaces = self.nominal.surfaces.clone();
+        let models: Vec<&Model> = core::iter::once(&self.nominal.model).chain(&self.nominal.others).collect();
+        let mut bases = vec![1.0; models.len()];
+        let mut of_bodies: Vec<Vec<BodyFactors>> =
+            models.iter().map(|model| vec![BodyFactors::default(); model.bodies().len()]).collect();
+        let mut actuators = self.nominal.actuators.clone();
+        let mut drives: Vec<Vec<[f64; 2]>> =
+            models.iter().map(|model| vec![[1.0; 2]; model.joint_count()]).collect();
+        let (mut q, mut lifts, mut moved) = (self.q.to_vec(), vec![0.0; models.len()], false);
+        for (quantity, &value) in quantities.iter().zip(values) {
+            let part = quantity.part as usize;
+            let share = quantity.robot.map(|robot| &self.shares[robot]);
+            let (articulation, bodies, joints) =
+                share.map_or((0, 0, 0), |share| (share.articulation, share.bodies, share.joints));
+            let (model, joint) = (models[articulation], joints + part);
+            let factors = &mut of_bodies[articulation];
+            let start: usize = models[..articulation].iter().map(|model| model.nq()).sum();
+            match quantity.property {
+                Message::GRAVITY => world.gravity.iter_mut().for_each(|g| *g *= value),
+                Message::BODY_MASS if quantity.part == Message::BASE => bases[articulation] = value,
+                Message::BODY_MASS => factors[bodies + part].mass = value,
+                Message::DAMPING => {
+                    of_joint(model, joint).for_each(|body| factors[body].damping = value);
+                }
+                Message::JOINT_FRICTION => {
+                    of_joint(model, joint).for_each(|body| factors[body].friction = value);
+                }
+                Message::EFFORT_LIMIT => factors[model.joint_body(joint)].effort_limit *= value,
+                Message::START => {
+                    let (lower, upper) = (model.lower()[joint], model.upper()[joint]);
+                    let at = start + model.nq() - model.joint_count() + joint;
+                    q[at] = (q[at] + value).clamp(lower.min(q[at]), upper.max(q[at]));
+                    moved = true;
+                }
+                Message::BASE_X | Message::BASE_Y => {
+                    q[start + (quantity.property - Message::BASE_X) as usize] += value;
+                    moved = true;
+                }
+                Message::BASE_Z => lifts[articulation] = value,
+                Message::BASE_YAW => {
+                    turn(&mut q[start + 3..start + 7], value);
+                    moved = true;
+                }
+                Message::TERRAIN_SEED | Message::TERRAIN_SCALE => {
+                    if let Some(terrain) = &mut world.terrain {
+                        match quantity.property {
+                            Message::TERRAIN_SEED => terrain.seed = value as u64,
+                            _ => terrain.scale *= value,
+                        }
+                    }
+                    moved = true;
+                }
+                Message::OBJECT_MASS => {
+                    let object = &mut world.objects[part];
+                    let mass = object.mass_properties().map(|own| own.mass * value);
+                    (object.mass, object.density) = (mass, None);
+                }
+                Message::OBJECT_X | Message::OBJECT_Y | Message::OBJECT_Z => {
+                    world.objects[part].position[(quantity.property - Message::OBJECT_X) as usize] += value;
+                }
+                Message::OBJECT_YAW => world.objects[part].rpy[2] += value,
+                Message::ACTUATOR_GAIN => drives[articulation][joint][0] = value,
+                Message::ACTUATOR_STRENGTH => {
+                    drives[articulation][joint][1] = value;
+                    factors[model.joint_body(joint)].effort_limit *= value;
+                }
+                property if property > Message::ACTUATOR_STRENGTH => {
+                    if let Some(Some(settings)) = actuators[articulation].get_mut(joint) {
+                        vary(settings, property, value);
+                    }
+                }
+                _ => self.set_surfaces(&mut surfaces, quantity, value),
+            }
+        }
+        let varied = models.iter().zip(&bases).zip(&of_bodies);
+        let mut varied = varied.map(|((model, base), factors)| model.with_factors(*base, factors));
+        let model = varied.next().unwrap_or_else(|| self.nominal.model.clone());
+        let others = varied.collect();
+        let properties = Properties { model, others, world, surfaces, actuators };
+        Start { properties, q, lifts, moved, drives }
+    }
+
+    /// Sets the friction or the restitution of the surfaces that a quantity is about.
+    fn set_surfaces(&self, surfaces: &mut [Surface], quantity: &Quantity, value: f64) {
+        let world = &self.nominal.world;
+        let is_object = |name: &str| world.objects.iter().any(|object| object.name == name);
+        let of_world = |name: &str| name == "ground" || name == "terrain";
+        let own = |name: &str| match (quantity.property, quantity.robot) {
+            (Message::GROUND_FRICTION | Message::GROUND_RESTITUTION, _) => of_world(name),
+            (_, None) => name == world.objects[quantity.part as usize].name,
+            (_, Some(robot)) => {
+                !is_object(name) && !of_world(name) && name.starts_with(&self.shares[robot].prefix)
+            }
+        };
+        let friction = [Message::GROUND_FRICTION, Message::OBJECT_FRICTION, Message::FRICTION]
+            .contains(&quantity.property);
+        for surface in surfaces.iter_mut().filter(|surface| own(&surface.name)) {
+            if friction {
+                surface.friction *= value;
+            } else {
+                surface.restitution = value;
+            }
+        }
+    }
+}
+
+/// Multiplies a setting of an actuator.
+fn vary(settings: &mut ActuatorSettings, property: u32, value: f64) {
+    match property {
+        Message::ACTUATOR_DELAY => settings.delay *= value,
+        Message::ACTUATOR_LAG => settings.lag *= value,
+        Message::ACTUATOR_RATE_LIMIT => settings.rate_limit = settings.rate_limit.map(|rate| rate * value),
+        Message::ACTUATOR_BACKLASH => {
+            settings.drivetrain.iter_mut().for_each(|drivetrain| drivetrain.backlash *= value);
+        }
+        _ => settings.drivetrain.iter_mut().for_each(|drivetrain| drivetrain.stiffness *= value),
+    }
+}
+
+/// The bodies that an independent joint moves, itself or by a joint that follows it.
+fn of_joint(model: &Model, joint: usize) -> impl Iterator<Item = usize> {
+    let bodies = model.bodies().iter().enumerate();
+    bodies.filter(move |(_, body)| body.joint.coordinate.index() == joint).map(|(index, _)| index)
+}
+
+/// Turns an orientation x y z w about z of the world.
+fn turn(orientation: &mut [f64], angle: f64) {
+    let [x, y, z, w] = [orientation[0], orientation[1], orientation[2], orientation[3]];
+    let (sin, cos) = (0.5 * angle).sin_cos();
+    let turned = [cos * x - sin * y, cos * y + sin * x, cos * z + sin * w, cos * w - sin * z];
+    orientation.copy_from_slice(&turned);
+}

@@ -1,0 +1,105 @@
+//! Faces of convex colliders: what points and edges of others meet.
+
+use motorium_robots::ConvexShape;
+use nalgebra::Vector3;
+
+use super::colliders::Collider;
+use super::features::ContactGeometry;
+
+/// Closer than this to an edge of a hull, a point may belong to either face \[m\].
+const EDGE_BAND: f64 = 1e-3;
+
+/// A point that stands over a face lies this far outside of the others at most \[m\].
+const BESIDE: f64 = 1e-5;
+
+/// Planes of a box or of a cylinder with eight sides.
+pub(super) const SIDES: usize = 10;
+
+impl Collider {
+    /// The outward normal of the face that a point beyond the surface lies in front of most.
+    pub(super) fn away(&self, point: &Vector3<f64>) -> Option<Vector3<f64>> {
+        if self.faces.is_empty() {
+            return self.shape.surface(point).map(|(_, away)| away);
+        }
+        let height = |face: &&(Vector3<f64>, f64)| face.0.dot(point) - face.1;
+        self.faces.iter().max_by(|a, b| height(a).total_cmp(&height(b))).map(|(normal, _)| *normal)
+    }
+
+    /// [`ContactGeometry::surface_towards`], also of a hull whose faces are known: there `None` for a point beside all faces.
+    pub(super) fn surface_towards(
+        &self,
+        point: &Vector3<f64>,
+        reference: &Vector3<f64>,
+    ) -> Option<(f64, Vector3<f64>)> {
+        if self.faces.is_empty() {
+            return self.shape.surface_towards(point, reference);
+        }
+        let height = |(normal, along): &(Vector3<f64>, f64)| normal.dot(point) - along;
+        let highest = self.faces.iter().map(height).fold(f64::NEG_INFINITY, f64::max);
+        let near = self.faces.iter().filter(|face| height(face) > highest - EDGE_BAND);
+        let face = near.max_by(|a, b| a.0.dot(reference).total_cmp(&b.0.dot(reference)))?;
+        let distance = height(face);
+        let foot = point - face.0 * distance;
+        let band = if highest < EDGE_BAND { EDGE_BAND } else { BESIDE };
+        let over = self.faces.iter().all(|(normal, along)| normal.dot(&foot) - along < band);
+        over.then_some((distance, face.0))
+    }
+}
+
+/// The planes of the faces of a collider: outward normals and heights along them.
+pub(super) struct Faces<'a>(&'a [(Vector3<f64>, f64)]);
+
+impl<'a> Faces<'a> {
+    /// Those of a box, a hull, or a prism around a cylinder that is turned towards the segment between `ends`; of other shapes none.
+    pub(super) fn of(
+        collider: &'a Collider,
+        ends: &[Vector3<f64>; 2],
+        room: &'a mut [(Vector3<f64>, f64); SIDES],
+    ) -> Self {
+        match &collider.shape {
+            ConvexShape::Box { half } => {
+                for axis in 0..3 {
+                    let mut normal = Vector3::zeros();
+                    normal[axis] = 1.0;
+                    (room[2 * axis], room[2 * axis + 1]) = ((normal, half[axis]), (-normal, half[axis]));
+                }
+                Self(&room[..6])
+            }
+            ConvexShape::Cylinder { radius, half_length } => {
+                let along = ends[1] - ends[0];
+                let (across, level) = (along.xy(), ends[0].xy());
+                let square = across.norm_squared();
+                let at = if square > 0.0 { (-level.dot(&across) / square).clamp(0.0, 1.0) } else { 0.0 };
+                let near = level + across * at;
+                let start = if near.norm() > 1e-9 { near.y.atan2(near.x) } else { 0.0 };
+                for side in 0..8 {
+                    let (sin, cos) = (start + core::f64::consts::FRAC_PI_4 * side as f64).sin_cos();
+                    room[side] = (Vector3::new(cos, sin, 0.0), *radius);
+                }
+                room[8] = (Vector3::z(), *half_length);
+                room[9] = (-Vector3::z(), *half_length);
+                Self(&room[..])
+            }
+            _ => Self(&collider.faces),
+        }
+    }
+
+    pub(super) fn planes(&self) -> &[(Vector3<f64>, f64)] {
+        self.0
+    }
+
+    /// The part of a segment behind all faces but one, as shares of its length.
+    pub(super) fn clip(&self, ends: &[Vector3<f64>; 2], but: usize) -> Option<[f64; 2]> {
+        let mut part = [0.0_f64, 1.0_f64];
+        for (_, (normal, height)) in self.0.iter().enumerate().filter(|(face, _)| *face != but) {
+            let [from, to] = [0, 1].map(|end| normal.dot(&ends[end]) - height);
+            match (from > 0.0, to > 0.0) {
+                (true, true) => return None,
+                (true, false) => part[0] = part[0].max(from / (from - to)),
+                (false, true) => part[1] = part[1].min(from / (from - to)),
+                (false, false) => {}
+            }
+        }
+        (part[0] <= part[1]).then_some(part)
+    }
+}

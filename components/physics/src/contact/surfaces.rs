@@ -1,0 +1,303 @@
+//! Contact points of a convex collider with the triangles of a mesh.
+//!
+//! [Features](super::features) of the collider touch the triangles that they stand over; what is round touches an edge or a corner of the
+//! mesh where that is nearer than all triangles. [Edges](motorium_robots::SurfaceEdge) of the mesh that stick out touch faces and edges of the collider.
+//! Sides between triangles of one plane, and in valleys, are no edges, so that what slides over them feels the triangles alone. A triangle
+//! touches what has its centre in front of it.
+
+use motorium_robots::{ConvexShape, SurfaceEdge, SurfaceTriangle, TriangleSurface};
+use nalgebra::{IsometryMatrix3, Point3, Vector3};
+
+use super::colliders::Collider;
+use super::features::{ContactGeometry, Feature};
+use super::hulls::{Faces, SIDES};
+use super::narrow::AHEAD;
+
+/// Triangles of different planes that a feature touches at once.
+const MOST: usize = 4;
+
+/// Triangles whose normals differ by less touch as one: the cosine of 18 degrees.
+const ALIKE: f64 = 0.95;
+
+/// Depth behind a triangle up to which it pushes a feature out \[m\].
+const DEPTH: f64 = 0.03;
+
+/// Begin of the numbers of contacts with edges.
+const EDGES: u32 = 1 << 29;
+
+/// Squared sine of the angle below which two edges count as parallel.
+const PARALLEL: f64 = 1e-6;
+
+/// A triangle that a feature touches.
+#[derive(Clone, Copy)]
+struct Touch {
+    distance: f64,
+    normal: Vector3<f64>,
+    /// It touches the face, neither side nor corner.
+    over: bool,
+    /// Middle of the triangle.
+    middle: Point3<f64>,
+    /// A point of its plane.
+    corner: Point3<f64>,
+}
+
+/// A collider in the frame of the mesh.
+struct Mover<'a> {
+    collider: &'a Collider,
+    pose: IsometryMatrix3<f64>,
+    centre: Point3<f64>,
+    margin: f64,
+}
+
+/// Passes the contact points of a collider with the triangles of a mesh nearer than `margin` \[m\] to `found`: the number of the feature, the
+/// point, the normal from the mesh to the collider, and the distance. Returns a lower bound of their distance \[m\].
+pub(super) fn collide(
+    (mover, mover_pose): (&Collider, &IsometryMatrix3<f64>),
+    (surface, surface_pose): (&TriangleSurface, &IsometryMatrix3<f64>),
+    margin: f64,
+    found: &mut dyn FnMut(u32, Point3<f64>, Vector3<f64>, f64),
+) -> f64 {
+    let pose = surface_pose.inv_mul(mover_pose);
+    let centre = Point3::from(pose.translation.vector);
+    let extent = extent(&mover.shape, &pose);
+    let reach = |more: f64| extent.add_scalar(more);
+    let mut any = false;
+    surface.visit(&(centre - reach(margin + AHEAD)), &(centre + reach(margin + AHEAD)), &mut |_, _| {
+        any = true;
+    });
+    if !any {
+        return margin + AHEAD;
+    }
+    let mover = Mover { collider: mover, pose, centre, margin };
+    let mut found = |number: u32, point: Point3<f64>, normal: Vector3<f64>, distance: f64| {
+        found(number, surface_pose * point, surface_pose.rotation * normal, distance);
+    };
+    let towards = mover.towards();
+    mover.collider.shape.features(&towards, &mut |feature| mover.feature(surface, &feature, &mut found));
+    if !matches!(mover.collider.shape, ConvexShape::Sphere { .. }) {
+        let (low, high) = (centre - reach(margin), centre + reach(margin));
+        surface.visit_edges(&low, &high, &mut |index, edge| mover.edge(index, edge, &mut found));
+    }
+    f64::NEG_INFINITY
+}
+
+/// Half sides of the box along the axes of the mesh that holds a shape about its origin \[m\].
+fn extent(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
+    match shape {
+        ConvexShape::Box { half } => pose.rotation.matrix().abs() * half,
+        shape => Vector3::repeat(shape.bounding_radius()),
+    }
+}
+
+impl Mover<'_> {
+    /// The direction of gravity's usual pull, in the axes of the collider: rims of cylinders touch there first.
+    fn towards(&self) -> Vector3<f64> {
+        self.pose.rotation.inverse_transform_vector(&-Vector3::z())
+    }
+
+    fn feature(
+        &self,
+        surface: &TriangleSurface,
+        feature: &Feature,
+        found: &mut dyn FnMut(u32, Point3<f64>, Vector3<f64>, f64),
+    ) {
+        let Feature { index, point, radius } = *feature;
+        let place = self.pose * Point3::from(point);
+        let reach = Vector3::repeat(self.margin.max(DEPTH) + radius);
+        let mut touches: [Option<Touch>; MOST] = [None; MOST];
+        let mut nearest: Option<Touch> = None;
+        surface.visit(&(place - reach), &(place + reach), &mut |_, triangle| {
+            let touch = if radius > 0.0 {
+                self.round(triangle, &place, radius)
+            } else {
+                self.sharp(triangle, &place)
+            };
+            let Some(touch) = touch else { return };
+            if nearest.is_none_or(|other| touch.distance.abs() < other.distance.abs()) {
+                nearest = Some(touch);
+            }
+            if touch.over {
+                keep(&mut touches, touch);
+            }
+        });
+        // A face wins against its own sides.
+        let beside = nearest.filter(|touch| {
+            let faces = touches.iter().flatten();
+            !touch.over && !faces.into_iter().any(|face| face.distance <= touch.distance + 1e-12)
+        });
+        for (slot, touch) in touches.iter().flatten().chain(&beside).enumerate() {
+            let middle = place - touch.normal * (radius + 0.5 * touch.distance);
+            found(index << 3 | slot as u32, middle, touch.normal, touch.distance);
+        }
+    }
+
+    /// A triangle that a corner of the collider stands over.
+    fn sharp(&self, triangle: &SurfaceTriangle, place: &Point3<f64>) -> Option<Touch> {
+        let corner = triangle.corners[0];
+        let distance = triangle.normal.dot(&(place - corner));
+        let in_front = triangle.normal.dot(&(self.centre - corner)) > 0.0;
+        if distance >= self.margin || distance < -DEPTH || !in_front || !triangle.is_below(place, DEPTH) {
+            return None;
+        }
+        Some(Touch { distance, normal: triangle.normal, over: true, middle: middle(triangle), corner })
+    }
+
+    /// A triangle near the centre of a sphere.
+    fn round(&self, triangle: &SurfaceTriangle, place: &Point3<f64>, radius: f64) -> Option<Touch> {
+        let corner = triangle.corners[0];
+        let height = triangle.normal.dot(&(place - corner));
+        let out = place - triangle.nearest(place);
+        let length = out.norm();
+        let over = triangle.is_below(place, 0.0);
+        if height <= 0.0 {
+            // Its centre has gone through.
+            let near = over && -height < radius.min(DEPTH);
+            let (distance, normal) = (height - radius, triangle.normal);
+            return near.then(|| Touch { distance, normal, over, middle: middle(triangle), corner });
+        }
+        let distance = length - radius;
+        let normal = if over { triangle.normal } else { out / length };
+        (distance < self.margin).then(|| Touch { distance, normal, over, middle: middle(triangle), corner })
+    }
+
+    fn edge(
+        &self,
+        index: usize,
+        edge: &SurfaceEdge,
+        found: &mut dyn FnMut(u32, Point3<f64>, Vector3<f64>, f64),
+    ) {
+        let number = EDGES | (index as u32 & 0x07ff_ffff) << 1;
+        if let ConvexShape::Capsule { radius, half_length } = self.collider.shape {
+            let ends = [-half_length, half_length].map(|z| self.pose * Point3::new(0.0, 0.0, z));
+            let [near, on_axis] = nearest_of_segments(&edge.ends, &ends);
+            let out = on_axis - near;
+            let length = out.norm();
+            let distance = length - radius;
+            if length > 1e-9 && distance < self.margin && edge.points_out(&(out / length)) {
+                let normal = out / length;
+                found(number, near + normal * (0.5 * distance), normal, distance);
+            }
+            return;
+        }
+        let ends = edge.ends.map(|end| self.pose.inverse_transform_point(&end).coords);
+        let mut room = [(Vector3::zeros(), 0.0); SIDES];
+        let faces = Faces::of(self.collider, &ends, &mut room);
+        let out = |normal: &Vector3<f64>| self.pose.rotation * -normal;
+        // The faces that the edge may touch, the two that it is least deep behind.
+        let mut best: [Option<(f64, usize, [f64; 2])>; 2] = [None; 2];
+        for (face, (normal, height)) in faces.planes().iter().enumerate() {
+            if !edge.points_out(&out(normal)) {
+                continue;
+            }
+            let Some(part) = faces.clip(&ends, face) else { continue };
+            let depth = part.map(|at| normal.dot(&ends[0].lerp(&ends[1], at)) - height);
+            let least = depth[0].min(depth[1]);
+            if least >= self.margin || least < -DEPTH {
+                continue;
+            }
+            let place = best.iter().position(|other| other.is_none_or(|(other, ..)| least > other));
+            if let Some(place) = place {
+                best[1] = if place == 0 { best[0] } else { best[1] };
+                best[place] = Some((least, face, part));
+            }
+        }
+        let Some((_, face, part)) = best[0] else { return };
+        if let Some((_, other, _)) = best[1]
+            && let Some((normal, point, distance)) = self.crossing(edge, &ends, &faces, [face, other])
+        {
+            if distance < self.margin && distance > -DEPTH {
+                found(number, self.pose * Point3::from(point), self.pose.rotation * normal, distance);
+            }
+            return;
+        }
+        let (normal, height) = faces.planes()[face];
+        let short = (part[1] - part[0]) * (ends[1] - ends[0]).norm() < 1e-6;
+        for (end, at) in part.into_iter().enumerate().take(if short { 1 } else { 2 }) {
+            let place = ends[0].lerp(&ends[1], at);
+            let distance = normal.dot(&place) - height;
+            if distance < self.margin {
+                let middle = self.pose * Point3::from(place - normal * (0.5 * distance));
+                found(number | end as u32, middle, out(&normal), distance);
+            }
+        }
+    }
+
+    /// Contact of an edge with the edge of the collider between two of its faces, in the frame of the collider: the normal to it, the point, the distance.
+    /// `None` where both are parallel.
+    fn crossing(
+        &self,
+        edge: &SurfaceEdge,
+        ends: &[Vector3<f64>; 2],
+        faces: &Faces<'_>,
+        [one, two]: [usize; 2],
+    ) -> Option<(Vector3<f64>, Vector3<f64>, f64)> {
+        let (one, two) = (faces.planes()[one], faces.planes()[two]);
+        let along = (ends[1] - ends[0]).normalize();
+        let own = one.0.cross(&two.0);
+        let axis = along.cross(&own);
+        let square = axis.norm_squared();
+        if square < PARALLEL * own.norm_squared() || own.norm_squared() < PARALLEL {
+            return None;
+        }
+        // From the mesh to the collider: against the faces' outward normals.
+        let outward = one.0 + two.0;
+        let normal = axis / square.sqrt();
+        let normal = if normal.dot(&outward) > 0.0 { -normal } else { normal };
+        if !edge.points_out(&(self.pose.rotation * normal)) {
+            return None;
+        }
+        // A point of the line in which the two faces meet.
+        let cosine = one.0.dot(&two.0);
+        let scale = 1.0 / (1.0 - cosine * cosine);
+        let line = one.0 * ((one.1 - two.1 * cosine) * scale) + two.0 * ((two.1 - one.1 * cosine) * scale);
+        let distance = normal.dot(&(line - ends[0]));
+        // Where the mesh's edge passes the line.
+        let way = line - ends[0];
+        let own = own.normalize();
+        let cross = along.dot(&own);
+        let at = (way.dot(&along) - way.dot(&own) * cross) / (1.0 - cross * cross);
+        let place = ends[0] + along * at;
+        let within = (0.0..=(ends[1] - ends[0]).norm()).contains(&at)
+            && faces.planes().iter().all(|(n, h)| n.dot(&place) - h < self.margin.max(-distance) + 1e-6);
+        within.then(|| (normal, place + normal * (0.5 * distance), distance))
+    }
+}
+
+fn middle(triangle: &SurfaceTriangle) -> Point3<f64> {
+    let [a, b, c] = triangle.corners.map(|corner| corner.coords);
+    Point3::from((a + b + c) / 3.0)
+}
+
+/// Keeps a triangle that is touched: of nearly the same normal the nearest, and of those of a ridge the nearest. In a valley all stay.
+fn keep(touches: &mut [Option<Touch>; MOST], touch: Touch) {
+    let same = |other: &Touch| {
+        let alike = other.normal.dot(&touch.normal) > ALIKE;
+        let valley = other.normal.dot(&(touch.middle - other.corner)) > 1e-9
+            && touch.normal.dot(&(other.middle - touch.corner)) > 1e-9;
+        alike || !valley
+    };
+    let nearer =
+        touches.iter().flatten().all(|other| !same(other) || touch.distance.abs() < other.distance.abs());
+    if !nearer {
+        return;
+    }
+    touches.iter_mut().for_each(|slot| *slot = slot.filter(|other| !same(other)));
+    if let Some(free) = touches.iter_mut().find(|slot| slot.is_none()) {
+        *free = Some(touch);
+    }
+}
+
+/// The points of two segments that are nearest to one another.
+fn nearest_of_segments(a: &[Point3<f64>; 2], b: &[Point3<f64>; 2]) -> [Point3<f64>; 2] {
+    let (u, v, between) = (a[1] - a[0], b[1] - b[0], a[0] - b[0]);
+    let (uu, uv, vv) = (u.norm_squared(), u.dot(&v), v.norm_squared());
+    let (ub, vb) = (u.dot(&between), v.dot(&between));
+    let square = uu * vv - uv * uv;
+    let mut s = if square > 1e-12 * uu * vv { ((uv * vb - ub * vv) / square).clamp(0.0, 1.0) } else { 0.5 };
+    let mut t = if vv > 0.0 { (uv * s + vb) / vv } else { 0.0 };
+    if !(0.0..=1.0).contains(&t) {
+        t = t.clamp(0.0, 1.0);
+        s = if uu > 0.0 { ((uv * t - ub) / uu).clamp(0.0, 1.0) } else { 0.0 };
+    }
+    [a[0] + u * s, b[0] + v * t]
+}

@@ -1,0 +1,162 @@
+//! Draws of actuators, and draws in time.
+
+use std::path::Path;
+
+use motorium_physics::{
+    ArticulatedSimulator, JointCommand, Options, RapierSimulator, RobotSetup, Simulator, World,
+};
+use motorium_robots::{ActuatorSettings, load};
+use serde_json::Value;
+
+use crate::randomise::{check, episodes, run_of, text};
+
+const ACTUATORS: &str = r#"
+actuator = { delay = "4 ms", lag = "5 ms", rate_limit = 900.0, drivetrain = { motor_inertia = 0.01, stiffness = 300.0, backlash = 0.002 } }
+
+[component.physics.config.randomise.actuator]
+gain       = [0.8, 1.2]
+strength   = [0.7, 1.0]
+delay      = [0.5, 2.0]
+lag        = [0.5, 1.5]
+rate_limit = [0.9, 1.1]
+backlash   = [0.0, 3.0]
+stiffness  = [0.5, 1.5]
+"#;
+
+fn within(value: &Value, low: f64, high: f64) {
+    let value = value.as_f64().unwrap();
+    assert!((low..=high).contains(&value), "{value}");
+}
+
+#[test]
+fn each_joint_draws_factors_of_its_actuator_and_equal_seeds_move_alike() {
+    let runs = ["seed = 3", "seed = 3", "seed = 4"].map(|seed| run_of("rrbot", ACTUATORS, seed));
+    assert_eq!(runs[0].state_hash, runs[1].state_hash);
+    assert_ne!(runs[0].state_hash, runs[2].state_hash);
+    let drawn = &episodes(&runs[0])[0]["actuator"];
+    for (key, low, high) in [
+        ("gain", 0.8, 1.2),
+        ("strength", 0.7, 1.0),
+        ("delay", 0.5, 2.0),
+        ("lag", 0.5, 1.5),
+        ("rate_limit", 0.9, 1.1),
+        ("backlash", 0.0, 3.0),
+        ("stiffness", 0.5, 1.5),
+    ] {
+        let joints = drawn[key].as_object().unwrap_or_else(|| panic!("{key} in {drawn}"));
+        assert_eq!(joints.len(), 2, "{key}: {joints:?}");
+        joints.values().for_each(|value| within(value, low, high));
+    }
+    let gains: Vec<_> = drawn["gain"].as_object().unwrap().values().collect();
+    assert_ne!(gains[0], gains[1]);
+}
+
+#[test]
+fn what_no_actuator_has_is_no_range() {
+    for (config, key) in [
+        ("randomise.actuator.lag = [0.5, 1.5]", "randomise.actuator.lag"),
+        (
+            "actuator = { lag = \"1 ms\" }\nrandomise.actuator.backlash = [0.5, 1.5]",
+            "randomise.actuator.backlash",
+        ),
+        ("randomise.actuator.gain = [-0.5, 1.5]", "randomise.actuator.gain"),
+        ("randomise = { every = \"1 s\", start = [-0.1, 0.1] }", "randomise.every"),
+        ("randomise = { every = \"0 s\", gravity = [0.9, 1.1] }", "randomise.every"),
+    ] {
+        let refused = check(text("rrbot", config, "")).unwrap_err().render(false);
+        assert!(refused.contains(key), "{refused}");
+    }
+}
+
+/// Effort of the first joint in each step of 1 ms that is commanded 10 Nm, of actuators with these settings.
+fn efforts(settings: &ActuatorSettings, properties: impl Fn(&mut ActuatorSettings)) -> Vec<f64> {
+    let model = load("rrbot", Path::new(".")).unwrap().model;
+    let q = model.neutral();
+    let mut setup = RobotSetup::from(model);
+    setup.actuators = vec![Some(settings.clone()); 2];
+    let mut simulation = ArticulatedSimulator::new(setup, World::default(), &q, Options::default()).unwrap();
+    let mut varied = simulation.properties();
+    varied.actuators.iter_mut().flatten().flatten().for_each(&properties);
+    simulation.reset_with(&varied, &q, &[0.0; 2]).unwrap();
+    let command = JointCommand::effort(10.0);
+    (0..40)
+        .map(|_| {
+            simulation.commands_mut().fill(command);
+            simulation.step(1e-3).unwrap();
+            simulation.efforts()[0]
+        })
+        .collect()
+}
+
+#[test]
+fn a_simulation_reset_with_other_actuators_moves_as_one_that_was_built_with_them() {
+    let settings =
+        ActuatorSettings { delay: 4e-3, lag: 5e-3, rate_limit: Some(900.0), ..ActuatorSettings::default() };
+    let other =
+        ActuatorSettings { delay: 8e-3, lag: 2e-3, rate_limit: Some(700.0), ..ActuatorSettings::default() };
+    let built = efforts(&other, |_| ());
+    let varied = efforts(&settings, |own| own.clone_from(&other));
+    assert_eq!(built, varied);
+    assert_eq!(built.iter().filter(|effort| **effort == 0.0).count(), 8, "{built:?}");
+    assert_eq!(efforts(&settings, |_| ()).iter().filter(|effort| **effort == 0.0).count(), 4);
+}
+
+#[test]
+fn properties_that_change_in_the_midst_of_motion_leave_the_state_and_act_from_there() {
+    let model = load("double-pendulum", Path::new(".")).unwrap().model;
+    let q = [0.4, 0.3];
+    let mut simulation =
+        ArticulatedSimulator::new(model.clone(), World::default(), &q, Options::default()).unwrap();
+    let mut twin =
+        ArticulatedSimulator::new(model.clone(), World::default(), &q, Options::default()).unwrap();
+    let step = |simulation: &mut ArticulatedSimulator| _ = simulation.step(1e-3).unwrap();
+    (0..200).for_each(|_| step(&mut simulation));
+    (0..200).for_each(|_| step(&mut twin));
+    let mut moon = simulation.properties();
+    moon.world.gravity = [0.0, 0.0, -1.62];
+    simulation.change(&moon).unwrap();
+    assert_eq!(simulation.configuration(), twin.configuration());
+    assert_eq!(simulation.velocity(), twin.velocity());
+    // As one that starts there under that gravity.
+    let world = World { gravity: moon.world.gravity, ..World::default() };
+    let mut there = ArticulatedSimulator::new(model.clone(), world, &q, Options::default()).unwrap();
+    there.reset(twin.configuration(), twin.velocity()).unwrap();
+    for _ in 0..200 {
+        step(&mut simulation);
+        step(&mut there);
+    }
+    assert_eq!(simulation.configuration(), there.configuration());
+    let mut rapier = RapierSimulator::new(model, World::default(), &q, Options::default()).unwrap();
+    let refused = rapier.change(&rapier.properties()).unwrap_err().to_string();
+    assert!(refused.contains("rapier"), "{refused}");
+}
+
+#[test]
+fn draws_in_time_change_gravity_and_not_the_start_and_are_told_with_their_time() {
+    let config = r#"
+[component.physics.config.randomise]
+every   = "30 ms"
+gravity = [0.5, 1.5]
+start   = [-0.05, 0.05]
+actuator = { gain = [0.5, 1.5] }
+"#;
+    let runs = ["seed = 3", "seed = 3"].map(|seed| run_of("quadruped", config, seed));
+    assert_eq!(runs[0].state_hash, runs[1].state_hash);
+    let drawn = episodes(&runs[0]);
+    let times: Vec<f64> = drawn.iter().map(|draw| draw["from_s"].as_f64().unwrap()).collect();
+    let expected = [0.0, 0.03, 0.06, 0.09];
+    assert_eq!(times.len(), 4, "{times:?}");
+    assert!(times.iter().zip(expected).all(|(time, at)| (time - at).abs() < 1e-12), "{times:?}");
+    for later in &drawn[1..] {
+        assert_ne!(later["gravity"], drawn[0]["gravity"]);
+        assert_ne!(later["actuator"], drawn[0]["actuator"]);
+        assert_eq!(later["start"], drawn[0]["start"]);
+        within(&later["gravity"], 0.5, 1.5);
+    }
+    // The first part is that of a run without draws in time.
+    let once = run_of("quadruped", &config.replace("every   = \"30 ms\"", ""), "seed = 3");
+    assert_eq!(episodes(&once)[0]["gravity"], drawn[0]["gravity"]);
+    let refused = check(text("rrbot", config, "").replace("physics.articulated", "physics.rapier"));
+    let refused = refused.unwrap_err().render(false);
+    assert!(refused.contains("randomise.every") && refused.contains("rapier"), "{refused}");
+}

@@ -1,0 +1,103 @@
+//! Volume, centre and inertia of meshes.
+
+use std::collections::HashMap;
+
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+
+use super::TriangleMesh;
+
+/// Volume, centre and inertia of a solid of uniform density.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VolumeProperties {
+    /// Volume \[m3\].
+    pub volume: f64,
+    /// Centre of mass, in the axes of the mesh \[m\].
+    pub centre: Vector3<f64>,
+    /// Inertia about the centre, per mass, in the axes of the mesh \[m2\].
+    pub inertia: Matrix3<f64>,
+}
+
+impl VolumeProperties {
+    /// The frame of the principal axes of inertia at the centre, and the principal moments per mass \[m2\].
+    pub fn principal(&self) -> (Isometry3<f64>, Vector3<f64>) {
+        let eigen = self.inertia.symmetric_eigen();
+        let mut axes = eigen.eigenvectors;
+        if axes.determinant() < 0.0 {
+            axes.set_column(2, &-axes.column(2));
+        }
+        let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
+        (Isometry3::from_parts(Translation3::from(self.centre), turn), eigen.eigenvalues)
+    }
+}
+
+impl TriangleMesh {
+    /// The same mesh with each position once, and without triangles that have no area.
+    pub fn welded(&self) -> Self {
+        let mut places: HashMap<[u64; 3], u32> = HashMap::new();
+        let mut points = Vec::new();
+        let mut place = |index: u32| {
+            let point = self.points[index as usize];
+            // Minus zero is zero.
+            let bits = [point.x + 0.0, point.y + 0.0, point.z + 0.0].map(f64::to_bits);
+            *places.entry(bits).or_insert_with(|| {
+                points.push(point);
+                points.len() as u32 - 1
+            })
+        };
+        let triangles = self.triangles.iter().map(|triangle| triangle.map(&mut place));
+        let triangles: Vec<_> = triangles.filter(|[a, b, c]| a != b && b != c && a != c).collect();
+        Self { points, triangles }
+    }
+
+    /// True for a mesh that encloses a volume: every edge borders two triangles, which run along it in opposite directions, and
+    /// they face outward. Corners at one position must be one: see [`welded`](Self::welded).
+    pub fn is_closed(&self) -> bool {
+        let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
+        for [a, b, c] in &self.triangles {
+            for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
+                *edges.entry((from, to)).or_default() += 1;
+            }
+        }
+        let paired = |((from, to), count): (&(u32, u32), &i32)| edges.get(&(*to, *from)) == Some(count);
+        !edges.is_empty() && edges.iter().all(paired) && self.volume() > 0.0
+    }
+
+    /// Volume, centre and inertia of the solid that a [closed](Self::is_closed) mesh encloses.
+    ///
+    /// ```
+    /// use motorium_robots::TriangleMesh;
+    /// use nalgebra::Vector3;
+    ///
+    /// let corner = |x, y, z| Vector3::new(x, y, z);
+    /// let points = vec![corner(0.0, 0.0, 0.0), corner(1.0, 0.0, 0.0), corner(0.0, 1.0, 0.0), corner(0.0, 0.0, 1.0)];
+    /// let pyramid = TriangleMesh { points, triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]] };
+    /// assert!(pyramid.is_closed());
+    /// let solid = pyramid.volume_properties().unwrap();
+    /// assert!((solid.volume - 1.0 / 6.0).abs() < 1e-15);
+    /// assert!((solid.centre - Vector3::repeat(0.25)).norm() < 1e-15);
+    /// ```
+    ///
+    /// `None` without a positive volume.
+    pub fn volume_properties(&self) -> Option<VolumeProperties> {
+        // About a corner of the mesh: far from the origin digits would be lost.
+        let origin = self.points[self.triangles.first()?[0] as usize];
+        let (mut volume, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
+        for triangle in &self.triangles {
+            let [a, b, c] = triangle.map(|index| self.points[index as usize] - origin);
+            // The tetrahedron of the triangle and the origin.
+            let six = a.dot(&b.cross(&c));
+            let sum = a + b + c;
+            volume += six / 6.0;
+            first += sum * (six / 24.0);
+            let squares = a * a.transpose() + b * b.transpose() + c * c.transpose();
+            second += (sum * sum.transpose() + squares) * (six / 120.0);
+        }
+        if !(volume > 0.0 && volume.is_finite()) {
+            return None;
+        }
+        let centre = first / volume;
+        let spread = second / volume - centre * centre.transpose();
+        let inertia = Matrix3::from_diagonal_element(spread.trace()) - spread;
+        Some(VolumeProperties { volume, centre: centre + origin, inertia })
+    }
+}

@@ -1,0 +1,250 @@
+//! Surfaces of triangles, as contacts and rays meet them.
+
+use std::collections::HashMap;
+
+use nalgebra::{Point3, Vector3};
+
+use super::mesh::TriangleMesh;
+use super::tree::{Bounds, BoxTree, is_met, least, most, overlap};
+use crate::algebra::V3;
+use crate::terrain::nearest_on_triangle;
+
+/// A triangle of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceTriangle {
+    /// Corners \[m\], counter-clockwise as seen from outside.
+    pub corners: [Point3<f64>; 3],
+    /// Outward unit normal.
+    pub normal: Vector3<f64>,
+    /// Per side, the first from the first corner to the second: its neighbour there rises above its plane.
+    pub valley: [bool; 3],
+}
+
+/// A side of triangles that sticks out: a ridge between two triangles, or the rim of an open surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceEdge {
+    /// Ends \[m\].
+    pub ends: [Point3<f64>; 2],
+    /// Outward unit normals of the triangles at both sides. At a rim, that of its triangle, and the direction in the plane of this away from it.
+    pub normals: [Vector3<f64>; 2],
+}
+
+/// The surface of a mesh. What lies in front of its triangles is outside.
+///
+/// Sides between triangles of one plane, and in valleys, are no [edges](SurfaceEdge): nothing catches on them.
+///
+/// ```
+/// use motorium_robots::{TriangleMesh, TriangleSurface};
+/// use nalgebra::{Point3, Vector3};
+///
+/// let corner = |x, y| Vector3::new(x, y, 0.0);
+/// let points = vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)];
+/// let square = TriangleSurface::new(&TriangleMesh { points, triangles: vec![[0, 1, 2], [0, 2, 3]] });
+/// let mut rim = 0;
+/// square.visit_edges(&Point3::new(-1.0, -1.0, -1.0), &Point3::new(2.0, 2.0, 1.0), &mut |_, _| rim += 1);
+/// assert_eq!(rim, 4, "the diagonal is no edge");
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct TriangleSurface {
+    triangles: Vec<SurfaceTriangle>,
+    edges: Vec<SurfaceEdge>,
+    tree: BoxTree,
+    edge_tree: BoxTree,
+    reach: f64,
+}
+
+/// Sine of the angle between two triangles below which they lie in one plane.
+const FLAT: f64 = 1e-3;
+
+/// Triangles smaller than this have no normal \[m2\].
+const NO_AREA: f64 = 1e-16;
+
+impl TriangleSurface {
+    /// The surface of a mesh.
+    pub fn new(mesh: &TriangleMesh) -> Self {
+        let mesh = mesh.welded();
+        let at = |index: u32| mesh.points[index as usize];
+        let normal_of = |[a, b, c]: [u32; 3]| {
+            let across = (at(b) - at(a)).cross(&(at(c) - at(a)));
+            let length = across.norm();
+            (length > NO_AREA).then(|| across / length)
+        };
+        let (mut kept, mut triangles) = (Vec::new(), Vec::new());
+        for triangle in &mesh.triangles {
+            let Some(normal) = normal_of(*triangle) else { continue };
+            let corners = triangle.map(|index| Point3::from(at(index)));
+            kept.push(*triangle);
+            triangles.push(SurfaceTriangle { corners, normal, valley: [false; 3] });
+        }
+        // Both triangles of each side: index, number of the side.
+        let mut sides: HashMap<(u32, u32), Vec<(usize, usize)>> = HashMap::new();
+        for (index, corners) in kept.iter().enumerate() {
+            for side in 0..3 {
+                let (a, b) = (corners[side], corners[(side + 1) % 3]);
+                sides.entry((a.min(b), a.max(b))).or_default().push((index, side));
+            }
+        }
+        let mut keys: Vec<_> = sides.keys().copied().collect();
+        keys.sort_unstable();
+        let mut edges = Vec::new();
+        for (a, b) in keys {
+            let ends = [Point3::from(at(a)), Point3::from(at(b))];
+            match sides[&(a, b)][..] {
+                [(one, side)] => {
+                    let SurfaceTriangle { corners, normal, .. } = triangles[one];
+                    let along = corners[(side + 1) % 3] - corners[side];
+                    let away = along.cross(&normal);
+                    edges.push(SurfaceEdge { ends, normals: [normal, away / away.norm()] });
+                }
+                [(one, side), (two, other), ..] => {
+                    let normals = [triangles[one].normal, triangles[two].normal];
+                    let apex = triangles[two].corners[(other + 2) % 3];
+                    let rise = normals[0].dot(&(apex - ends[0]));
+                    let bend = normals[0].cross(&normals[1]).norm();
+                    // Folded back onto itself: a plate without thickness.
+                    let folded = normals[0].dot(&normals[1]) < 0.0 && bend < FLAT;
+                    if bend < FLAT && !folded {
+                        continue;
+                    }
+                    if rise > 0.0 && !folded {
+                        triangles[one].valley[side] = true;
+                        triangles[two].valley[other] = true;
+                    } else {
+                        edges.push(SurfaceEdge { ends, normals });
+                    }
+                }
+                [] => {}
+            }
+        }
+        let around = |points: &[Point3<f64>]| {
+            let all = points.iter().map(|point| V3::from(point.coords));
+            all.fold(
+                (
+                    V3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
+                    V3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY),
+                ),
+                |(low, high), point| (least(low, point), most(high, point)),
+            )
+        };
+        let boxes: Vec<Bounds> = triangles.iter().map(|triangle| around(&triangle.corners)).collect();
+        let edge_boxes: Vec<Bounds> = edges.iter().map(|edge| around(&edge.ends)).collect();
+        let corners = triangles.iter().flat_map(|triangle| triangle.corners);
+        let reach = corners.map(|corner| corner.coords.norm()).fold(0.0, f64::max);
+        let (tree, edge_tree) = (BoxTree::new(&boxes), BoxTree::new(&edge_boxes));
+        Self { triangles, edges, tree, edge_tree, reach }
+    }
+
+    /// Radius of the sphere about the origin that holds it \[m\].
+    pub fn reach(&self) -> f64 {
+        self.reach
+    }
+
+    /// The triangles.
+    pub fn triangles(&self) -> &[SurfaceTriangle] {
+        &self.triangles
+    }
+
+    /// The corners of the box along the axes that holds it \[m\].
+    pub fn corners(&self) -> Vec<Vector3<f64>> {
+        let Some((low, high)) = self.tree.bounds() else { return Vec::new() };
+        let pick =
+            |corner: u32, bit: u32, low: f64, high: f64| if corner >> bit & 1 == 0 { low } else { high };
+        let corner = |corner: u32| {
+            Vector3::new(
+                pick(corner, 0, low.x, high.x),
+                pick(corner, 1, low.y, high.y),
+                pick(corner, 2, low.z, high.z),
+            )
+        };
+        (0..8).map(corner).collect()
+    }
+
+    /// Passes the triangles whose boxes share a point with that from `low` to `high` \[m\] to `visit`, with their numbers.
+    pub fn visit(
+        &self,
+        low: &Point3<f64>,
+        high: &Point3<f64>,
+        visit: &mut dyn FnMut(usize, &SurfaceTriangle),
+    ) {
+        let wanted: Bounds = (low.coords.into(), high.coords.into());
+        self.tree.visit(|bounds| overlap(bounds, &wanted), |index| visit(index, &self.triangles[index]));
+    }
+
+    /// Passes the edges whose boxes may share a point with that from `low` to `high` \[m\] to `visit`, with their numbers.
+    pub fn visit_edges(
+        &self,
+        low: &Point3<f64>,
+        high: &Point3<f64>,
+        visit: &mut dyn FnMut(usize, &SurfaceEdge),
+    ) {
+        let wanted: Bounds = (low.coords.into(), high.coords.into());
+        self.edge_tree.visit(|bounds| overlap(bounds, &wanted), |index| visit(index, &self.edges[index]));
+    }
+
+    /// Distance along a ray to the first triangle within `range`, and its normal, turned towards the origin of the ray.
+    pub(super) fn meet(&self, origin: V3, direction: V3, range: f64) -> Option<(f64, V3)> {
+        let inverse = V3::new(1.0 / direction.x, 1.0 / direction.y, 1.0 / direction.z);
+        let nearest = core::cell::Cell::new(range);
+        let mut normal = None;
+        self.tree.visit(
+            |bounds| is_met(bounds, origin, inverse, nearest.get()),
+            |index| {
+                let triangle = &self.triangles[index];
+                let [a, b, c] = triangle.corners.map(|corner| V3::from(corner.coords));
+                // Moeller and Trumbore (1997).
+                let (one, two) = (b - a, c - a);
+                let across = direction.cross(two);
+                let volume = one.dot(across);
+                if volume == 0.0 {
+                    return;
+                }
+                let from = origin - a;
+                let u = from.dot(across) / volume;
+                let turned = from.cross(one);
+                let v = direction.dot(turned) / volume;
+                let distance = two.dot(turned) / volume;
+                if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && distance > 0.0 && distance < nearest.get() {
+                    nearest.set(distance);
+                    let facing = V3::from(triangle.normal);
+                    normal = Some(if facing.dot(direction) > 0.0 { -facing } else { facing });
+                }
+            },
+        );
+        normal.map(|normal| (nearest.get(), normal))
+    }
+}
+
+impl SurfaceTriangle {
+    /// The point of the triangle nearest to `point` \[m\].
+    pub fn nearest(&self, point: &Point3<f64>) -> Point3<f64> {
+        let corners = self.corners.map(|corner| V3::from(corner.coords));
+        Point3::from(Vector3::from(nearest_on_triangle(point.coords.into(), corners)))
+    }
+
+    /// True where `point` stands over the triangle, or no farther than `slack` \[m\] over a valley at one of its sides.
+    pub fn is_below(&self, point: &Point3<f64>, slack: f64) -> bool {
+        (0..3).all(|side| {
+            let (start, end) = (self.corners[side], self.corners[(side + 1) % 3]);
+            let inward = self.normal.cross(&(end - start));
+            let inside = inward.dot(&(point - start));
+            let least = if self.valley[side] { -slack } else { -1e-9 };
+            inside >= least * inward.norm()
+        })
+    }
+}
+
+impl SurfaceEdge {
+    /// True for a unit vector that points out of the edge, between the normals of both its triangles.
+    pub fn points_out(&self, direction: &Vector3<f64>) -> bool {
+        let along = (self.ends[1] - self.ends[0]).normalize();
+        let across = direction - along * direction.dot(&along);
+        let length = across.norm();
+        if length < 1e-9 {
+            return false;
+        }
+        let across = across / length;
+        let least = self.normals[0].dot(&self.normals[1]) - 1e-6;
+        // Between the two by both angles: nearer to each than they are to one another.
+        across.dot(&self.normals[0]) >= least && across.dot(&self.normals[1]) >= least
+    }
+}

@@ -1,0 +1,345 @@
+//! Worlds from MJCF: gravity, planes, fixed geoms and free bodies.
+
+use std::path::Path;
+
+use nalgebra::Isometry3;
+use roxmltree::{Document, Node, ParsingOptions};
+
+use super::attributes::{Attributes, MAIN};
+use super::bodies::body_name;
+use super::build::parsed;
+use super::compiler::Compiler;
+use super::error::{MjcfError, MjcfProblem};
+use super::geoms::{Geom, Geoms};
+use super::include;
+use super::pose::pose;
+use super::schema::{BODY, FRAME, FREEJOINT, GEOM, JOINT, OPTION};
+use super::sections::read_assets;
+use crate::{
+    BasePose, Geometry, Ground, MeshCollision, MeshShape, ModelWarning, Object, ObjectShape, ShapeSource,
+    TriangleMesh, World,
+};
+
+/// An MJCF text turned into a world.
+#[derive(Clone, Debug)]
+pub struct MjcfWorld {
+    /// The world.
+    pub world: World,
+    /// True where the file states gravity.
+    pub states_gravity: bool,
+    /// What is left out, each with its place in the text.
+    pub warnings: Vec<ModelWarning>,
+}
+
+/// Sections without effect on a world.
+const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
+
+/// Sections of robots.
+const OF_ROBOTS: [&str; 4] = ["equality", "tendon", "actuator", "keyframe"];
+
+/// Reads MJCF `text` as a world. `file` is where it came from: for messages, and to find meshes beside it.
+///
+/// Geoms of bodies that do not move become fixed objects, a level plane without ends the ground, a body with a free joint and one
+/// geom an object that moves: with the mass that the geom has there. Meshes touch by their convex hull, as in MuJoCo. Bodies with other joints, several geoms
+/// on a free body, height fields, and what else a world does not hold are refused with their place. Geoms that touch nothing are left
+/// out with a warning.
+///
+/// # Errors
+///
+/// [`MjcfError`], with the place in the text.
+///
+/// ```
+/// let text = r#"<mujoco>
+///   <option gravity="0 0 -1.62"/>
+///   <worldbody>
+///     <geom name="floor" type="plane" size="0 0 1" friction="0.7"/>
+///     <geom name="table" type="box" size="0.4 0.6 0.02" pos="0.6 0 0.38"/>
+///     <body name="ball" pos="0.6 0 0.5"><freejoint/><geom size="0.04" mass="0.1"/></body>
+///   </worldbody>
+/// </mujoco>"#;
+/// let world = motorium_robots::parse_mjcf_world(text, None)?.world;
+/// assert_eq!((world.gravity[2], world.ground.unwrap().friction), (-1.62, 0.7));
+/// assert_eq!((world.objects[0].name.as_str(), world.objects[1].mass), ("table", Some(0.1)));
+/// # Ok::<(), motorium_robots::MjcfError>(())
+/// ```
+pub fn parse_mjcf_world(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
+    let expanded = include::expand(text, file)?;
+    let mut read = read(&expanded.text, file).map_err(|error| expanded.located(error))?;
+    read.warnings = read.warnings.into_iter().map(|warning| expanded.located_warning(warning)).collect();
+    Ok(read)
+}
+
+fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
+    let options = ParsingOptions { allow_dtd: true, ..Default::default() };
+    let document = parsed(Document::parse_with_options(text, options))?;
+    let attributes = Attributes::new(&document)?;
+    let root = document.root_element();
+    if !root.has_tag_name("mujoco") {
+        return Err(attributes.error(root, MjcfProblem::Root(root.tag_name().name().to_owned())));
+    }
+    let compiler = Compiler::read(root, &attributes)?;
+    let mut geoms = Geoms {
+        attributes: &attributes,
+        compiler: &compiler,
+        shapes: ShapeSource::Collision,
+        meshes: Default::default(),
+    };
+    let mut world = World::default();
+    let mut states_gravity = false;
+    for section in root.children().filter(Node::is_element) {
+        match section.tag_name().name() {
+            "asset" => read_assets(section, &mut geoms, file)?,
+            "option" => {
+                let option = attributes.element(section, MAIN, &OPTION)?;
+                if let Some(gravity) = option.numbers::<3>("gravity")? {
+                    (world.gravity, states_gravity) = (gravity, true);
+                }
+                world.wind = option.numbers::<3>("wind")?.unwrap_or(world.wind);
+                for node in section.children().filter(Node::is_element) {
+                    if !node.has_tag_name("flag") {
+                        let problem = format!("{}> of <option", node.tag_name().name());
+                        return Err(attributes.error(node, MjcfProblem::Element(problem)));
+                    }
+                    if node.attribute("gravity") == Some("disable") {
+                        (world.gravity, states_gravity) = ([0.0; 3], true);
+                    }
+                    if node.attribute("contact") == Some("disable") {
+                        let reason = "the objects of a world touch";
+                        return Err(attributes.refused(node, "contact", "disable", reason));
+                    }
+                }
+            }
+            "compiler" | "default" | "worldbody" => {}
+            name if SKIPPED.contains(&name) => {}
+            name if OF_ROBOTS.contains(&name) => {
+                let problem = format!(
+                    "<{name}> is about a robot: a world holds none; load the robot by a table of its own"
+                );
+                return Err(attributes.error(section, MjcfProblem::Other(problem)));
+            }
+            name => return Err(attributes.error(section, MjcfProblem::Element(name.to_owned()))),
+        }
+    }
+    let mut reader = Reader { geoms: &geoms, world };
+    for section in root.children().filter(|section| section.has_tag_name("worldbody")) {
+        reader.contents(section, &Place { within: Isometry3::identity(), class: MAIN, frees: false })?;
+    }
+    let Reader { world, .. } = reader;
+    Ok(MjcfWorld { world, states_gravity, warnings: attributes.warnings() })
+}
+
+/// The context of an element.
+#[derive(Clone, Copy)]
+struct Place<'a> {
+    /// The frame of the element around, in the world.
+    within: Isometry3<f64>,
+    /// The default class.
+    class: &'a str,
+    /// The body around has a free joint.
+    frees: bool,
+}
+
+struct Reader<'b, 'a, 'i> {
+    geoms: &'b Geoms<'b, 'a, 'i>,
+    world: World,
+}
+
+impl<'a, 'i> Reader<'_, 'a, 'i> {
+    fn attributes(&self) -> &Attributes<'a, 'i> {
+        self.geoms.attributes
+    }
+
+    fn other(&self, node: Node<'a, 'i>, problem: &str) -> MjcfError {
+        self.attributes().error(node, MjcfProblem::Other(problem.to_owned()))
+    }
+
+    fn contents(&mut self, node: Node<'a, 'i>, place: &Place<'a>) -> Result<(), MjcfError> {
+        let attributes = self.geoms.attributes;
+        let mut found = 0;
+        for element in node.children().filter(Node::is_element) {
+            match element.tag_name().name() {
+                "frame" => {
+                    let frame = attributes.element(element, MAIN, &FRAME)?;
+                    let within = place.within * pose(&frame, self.geoms.compiler)?;
+                    let class = element.attribute("childclass").unwrap_or(place.class);
+                    attributes.known_class(element, class)?;
+                    if place.frees {
+                        return Err(self.other(
+                            element,
+                            "a frame in a body with a free joint is not read; give its geom the pose",
+                        ));
+                    }
+                    self.contents(element, &Place { within, class, ..*place })?;
+                }
+                "body" if place.frees => {
+                    return Err(self.other(
+                        element,
+                        "a body that moves within another is part of a robot: a world holds none",
+                    ));
+                }
+                "body" => self.body(element, place)?,
+                "geom" => found += usize::from(self.geom(element, place, found)?),
+                "inertial" => {
+                    return Err(self.other(
+                        element,
+                        "an object has the inertia of its shape; give its geom a mass or a density instead of an <inertial>",
+                    ));
+                }
+                // Read with their body.
+                "joint" | "freejoint" if node.has_tag_name("body") => {}
+                "site" | "camera" | "light" => {}
+                name => return Err(attributes.error(element, MjcfProblem::Element(name.to_owned()))),
+            }
+        }
+        if place.frees && found == 0 {
+            return Err(
+                self.other(node, "a body that moves has no geom that touches anything: an object needs one")
+            );
+        }
+        Ok(())
+    }
+
+    fn body(&mut self, node: Node<'a, 'i>, around: &Place<'a>) -> Result<(), MjcfError> {
+        let attributes = self.geoms.attributes;
+        let body = attributes.element(node, MAIN, &BODY)?;
+        let class = node.attribute("childclass").unwrap_or(around.class);
+        attributes.known_class(node, class)?;
+        let within = around.within * pose(&body, self.geoms.compiler)?;
+        let mut frees = false;
+        for joint in node.children().filter(|child| ["joint", "freejoint"].contains(&child.tag_name().name()))
+        {
+            let free = match joint.has_tag_name("freejoint") {
+                true => attributes.element(joint, MAIN, &FREEJOINT).map(|_| true)?,
+                false => attributes.element(joint, class, &JOINT)?.get("type") == Some("free"),
+            };
+            if !free {
+                return Err(self.other(
+                    joint,
+                    "a body on a joint is part of a robot: a world holds fixed bodies and free ones; load the robot by a table of its own",
+                ));
+            }
+            frees = true;
+        }
+        self.contents(node, &Place { within, class, frees })
+    }
+
+    /// Adds what a geom stands for; false for one that touches nothing.
+    fn geom(&mut self, node: Node<'a, 'i>, place: &Place<'a>, before: usize) -> Result<bool, MjcfError> {
+        let attributes = self.geoms.attributes;
+        let read = attributes.element(node, place.class, &GEOM)?;
+        let Geom { placement, geometry, kept, inertia, .. } =
+            self.geoms.read(node, place.class, !place.frees)?;
+        if !kept {
+            attributes.ignored(node, "geom".to_owned(), "it touches nothing, and a world holds what touches");
+            return Ok(false);
+        }
+        if place.frees && before > 0 {
+            return Err(
+                self.other(node, "a second geom of a body that moves is not read: an object has one shape")
+            );
+        }
+        let [friction, torsional, rolling] = read.first_numbers("friction", [1.0, 0.005, 0.0001])?;
+        let directions = read.number("condim", 3.0)?;
+        let friction = if directions > 1.0 { friction } else { 0.0 };
+        let torsional_friction = if directions > 3.0 { torsional } else { 0.0 };
+        let rolling_friction = if directions > 4.0 { rolling } else { 0.0 };
+        let pose = place.within * placement;
+        let size = read.first_numbers("size", [0.0; 3])?;
+        let up = pose.rotation * nalgebra::Vector3::z();
+        if read.get("type") == Some("plane") && size[0] <= 0.0 && size[1] <= 0.0 && up.z > 1.0 - 1e-9 {
+            if self.world.ground.is_some() {
+                return Err(self.other(
+                    node,
+                    "a second level plane without ends: a world has one ground; give the plane a size",
+                ));
+            }
+            // The plane is the top of the box that stands for it.
+            let Geometry::Box { size } = geometry else { return Ok(false) };
+            let height = pose.translation.z + 0.5 * size.z;
+            self.world.ground =
+                Some(Ground { height, friction, torsional_friction, rolling_friction, ..Ground::default() });
+            return Ok(true);
+        }
+        let (name, shape) = (self.name(node, place.frees), shape(&geometry, &read)?);
+        let mass = if place.frees { Some(self.mass(node, &geometry, inertia, &read)?) } else { None };
+        let (mass, density) = match mass {
+            Some(Weight::Mass(mass)) => (Some(mass), None),
+            Some(Weight::Density(density)) => (None, Some(density)),
+            None => (None, None),
+        };
+        let BasePose { position, rpy } = BasePose::of(&pose);
+        self.world.objects.push(Object {
+            name,
+            shape,
+            mass,
+            density,
+            position,
+            rpy,
+            friction,
+            torsional_friction,
+            rolling_friction,
+            ..Object::default()
+        });
+        Ok(true)
+    }
+
+    /// Mass of a geom that moves.
+    fn mass(
+        &self,
+        node: Node<'a, 'i>,
+        geometry: &Geometry,
+        inertia: Result<crate::Inertia, MjcfError>,
+        read: &super::attributes::Element<'_, 'a, 'i>,
+    ) -> Result<Weight, MjcfError> {
+        if let Geometry::Mesh { .. } = geometry {
+            let mass = read.numbers::<1>("mass")?.map(|[mass]| Weight::Mass(mass));
+            return Ok(mass.unwrap_or(Weight::Density(read.number("density", super::geoms::WATER)?)));
+        }
+        let mass = inertia?.mass;
+        if mass > 0.0 {
+            return Ok(Weight::Mass(mass));
+        }
+        Err(self.other(node, "a body that moves has a geom without a mass"))
+    }
+
+    /// The name of the body for what moves, else that of the geom, else of its body; with a number where it is taken.
+    fn name(&self, node: Node<'a, 'i>, moves: bool) -> String {
+        let body = node.ancestors().find(|node| node.has_tag_name("body")).map(body_name);
+        let own = node.attribute("name").map(str::to_owned);
+        let name = if moves { body.or(own) } else { own.or(body) };
+        let name = name.unwrap_or_else(|| "geom".to_owned());
+        let taken = |name: &str| self.world.objects.iter().any(|object| object.name == name);
+        if !taken(&name) {
+            return name;
+        }
+        (2..).map(|number| format!("{name}_{number}")).find(|name| !taken(name)).unwrap_or(name)
+    }
+}
+
+enum Weight {
+    Mass(f64),
+    Density(f64),
+}
+
+fn shape(
+    geometry: &Geometry,
+    read: &super::attributes::Element<'_, '_, '_>,
+) -> Result<ObjectShape, MjcfError> {
+    Ok(match geometry {
+        Geometry::Box { size } => ObjectShape::Box { size: (*size).into() },
+        Geometry::Cylinder { radius, length } => ObjectShape::Cylinder { radius: *radius, length: *length },
+        Geometry::Sphere { radius } => ObjectShape::Sphere { radius: *radius },
+        Geometry::Capsule { radius, length } => ObjectShape::Capsule { radius: *radius, length: *length },
+        Geometry::Mesh { uri, inline: Some(mesh), scale, .. } => {
+            let mesh = TriangleMesh::clone(mesh).scaled(scale);
+            ObjectShape::Mesh(MeshShape::of_mesh(uri, mesh, MeshCollision::Hull))
+        }
+        Geometry::Mesh { path: Some(path), scale, .. } => {
+            let shape = MeshShape::new(std::path::absolute(path).unwrap_or_else(|_| path.clone()));
+            ObjectShape::Mesh(MeshShape { scale: (*scale).into(), ..shape })
+        }
+        Geometry::Mesh { uri, .. } => {
+            return Err(read.fault(format!("its mesh \"{uri}\" was not found beside the file")));
+        }
+    })
+}

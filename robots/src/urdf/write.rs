@@ -1,0 +1,298 @@
+//! A model as URDF text, for viewers that know nothing else.
+
+use std::fmt::Write as _;
+use std::io;
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::Isometry3;
+
+use super::hold::hold_joints;
+use crate::format::is_mjcf;
+use crate::{
+    Coordinate, Frame, Geometry, Inertia, JointKind, LinkColours, LoadOptions, Loaded, Model, Shape,
+    ShapeSource, TriangleMesh, parse_mjcf,
+};
+
+/// A robot as URDF text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DrawnRobot {
+    /// The text.
+    pub text: String,
+    /// Meshes that have no file: the names that the text gives them, and the meshes, in their scale.
+    pub meshes: Vec<(String, Arc<TriangleMesh>)>,
+}
+
+/// The frame's origin is that of its body where it is no farther from it than this \[m, rad\].
+const SAME: f64 = 1e-9;
+
+/// Writes a model as URDF: its links by their names, its joints with their axes and limits, its shapes as visuals. Meshes of files are named by
+/// `file://` and their path, others by `package://ROBOT/NUMBER.obj`. Fixed things of the world around a floating base are left out.
+///
+/// ```
+/// use motorium_robots::{MimicMode, PackagePath, draw_as_urdf, load, parse_urdf};
+///
+/// let panda = load("panda", std::path::Path::new("."))?.model;
+/// let drawn = draw_as_urdf(&panda);
+/// let again = parse_urdf(&drawn.text, None, MimicMode::Follow, &PackagePath::default())?.model;
+/// assert_eq!(again.joint_names(), panda.joint_names());
+/// assert_eq!(again.frames()[0].name, panda.frames()[0].name);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn draw_as_urdf(model: &Model) -> DrawnRobot {
+    let mut writer = Writer {
+        model,
+        text: String::new(),
+        meshes: Vec::new(),
+        names: names(model),
+        colours: LinkColours::default(),
+    };
+    // Writing to a text cannot fail.
+    let _ = writer.robot();
+    DrawnRobot { text: writer.text, meshes: writer.meshes }
+}
+
+struct Writer<'a> {
+    model: &'a Model,
+    text: String,
+    meshes: Vec<(String, Arc<TriangleMesh>)>,
+    /// Name of the link at the origin of each body.
+    names: Vec<String>,
+    colours: LinkColours,
+}
+
+/// True for a frame at the origin of what it is fixed to.
+fn is_origin(frame: &Frame) -> bool {
+    frame.placement.translation.vector.norm() < SAME && frame.placement.rotation.angle() < SAME
+}
+
+/// The link at the origin of each body: a frame there, else one of its own.
+fn names(model: &Model) -> Vec<String> {
+    let of = |(index, body): (usize, &crate::Body)| {
+        let mut frames = model.frames().iter().filter(|frame| frame.body == Some(index));
+        let own = frames.find(|frame| is_origin(frame)).map(|frame| frame.name.clone());
+        own.unwrap_or_else(|| format!("{}/origin", body.joint.name))
+    };
+    model.bodies().iter().enumerate().map(of).collect()
+}
+
+impl Writer<'_> {
+    fn robot(&mut self) -> std::fmt::Result {
+        let model = self.model;
+        let Some(root) = model.frames().iter().find(|frame| frame.body.is_none() && !frame.in_world) else {
+            return Ok(());
+        };
+        writeln!(self.text, r#"<?xml version="1.0"?>"#)?;
+        writeln!(self.text, r#"<robot name="{}">"#, escaped(model.name()))?;
+        let base = model.base();
+        let to_root = root.placement.inverse();
+        self.link(&root.name, &base.inertia, &base.shapes, (&to_root, None))?;
+        for frame in model.frames().iter().filter(|frame| frame.body.is_none() && !frame.in_world) {
+            if frame.name != root.name {
+                self.fixed(&root.name, frame, &(to_root * frame.placement))?;
+            }
+        }
+        for (index, body) in model.bodies().iter().enumerate() {
+            let name = self.names[index].clone();
+            self.link(&name, &body.inertia, &body.shapes, (&Isometry3::identity(), Some(index)))?;
+            let (parent, placement) = match body.parent {
+                Some(parent) => (self.names[parent].clone(), body.joint.placement),
+                None => (root.name.clone(), to_root * body.joint.placement),
+            };
+            self.joint(index, &parent, &placement)?;
+            for frame in model.frames().iter().filter(|frame| frame.body == Some(index)) {
+                if frame.name != name {
+                    self.fixed(&name, frame, &frame.placement)?;
+                }
+            }
+        }
+        writeln!(self.text, "</robot>")
+    }
+
+    fn link(
+        &mut self,
+        name: &str,
+        inertia: &Inertia,
+        shapes: &[Shape],
+        (within, body): (&Isometry3<f64>, Option<usize>),
+    ) -> std::fmt::Result {
+        writeln!(self.text, r#"  <link name="{}">"#, escaped(name))?;
+        if inertia.mass > 0.0 {
+            let moved = inertia.moved(within);
+            let (com, i) = (moved.com, moved.rotational);
+            writeln!(
+                self.text,
+                r#"    <inertial><origin xyz="{} {} {}"/><mass value="{}"/><inertia ixx="{}" iyy="{}" izz="{}" ixy="{}" ixz="{}" iyz="{}"/></inertial>"#,
+                com.x,
+                com.y,
+                com.z,
+                moved.mass,
+                i[(0, 0)],
+                i[(1, 1)],
+                i[(2, 2)],
+                i[(0, 1)],
+                i[(0, 2)],
+                i[(1, 2)]
+            )?;
+        }
+        for (place, shape) in shapes.iter().enumerate() {
+            let Some(geometry) = self.geometry(&shape.geometry) else { continue };
+            let [r, g, b] = self.colours.of_shape(&shape.link, place, body);
+            let origin = origin(&(within * shape.placement));
+            writeln!(
+                self.text,
+                r#"    <visual>{origin}<geometry>{geometry}</geometry><material name="{}_{place}"><color rgba="{r} {g} {b} 1"/></material></visual>"#,
+                escaped(name)
+            )?;
+        }
+        writeln!(self.text, "  </link>")
+    }
+
+    /// `None` for a mesh that is not there.
+    fn geometry(&mut self, geometry: &Geometry) -> Option<String> {
+        Some(match geometry {
+            Geometry::Box { size } => format!(r#"<box size="{} {} {}"/>"#, size.x, size.y, size.z),
+            Geometry::Cylinder { radius, length } => {
+                format!(r#"<cylinder radius="{radius}" length="{length}"/>"#)
+            }
+            Geometry::Sphere { radius } => format!(r#"<sphere radius="{radius}"/>"#),
+            // URDF has none: its hull is one.
+            Geometry::Capsule { radius, length } => {
+                let mesh = Arc::new(capsule(*radius, *length));
+                let name = self.mesh(mesh);
+                format!(r#"<mesh filename="{name}"/>"#)
+            }
+            Geometry::Mesh { inline: Some(mesh), scale, .. } => {
+                let name = self.mesh(Arc::new(TriangleMesh::clone(mesh).scaled(scale)));
+                format!(r#"<mesh filename="{name}"/>"#)
+            }
+            Geometry::Mesh { path: Some(path), scale, .. } => {
+                let path = std::path::absolute(path).unwrap_or_else(|_| Path::to_owned(path));
+                let name = escaped(&path.to_string_lossy());
+                format!(r#"<mesh filename="file://{name}" scale="{} {} {}"/>"#, scale.x, scale.y, scale.z)
+            }
+            Geometry::Mesh { .. } => return None,
+        })
+    }
+
+    fn mesh(&mut self, mesh: Arc<TriangleMesh>) -> String {
+        let known = self.meshes.iter().find(|(_, other)| *other == mesh);
+        if let Some((name, _)) = known {
+            return name.clone();
+        }
+        let robot = self.model.name().replace(|letter: char| !letter.is_ascii_alphanumeric(), "_");
+        let name = format!("package://{robot}/{}.obj", self.meshes.len());
+        self.meshes.push((name.clone(), mesh));
+        name
+    }
+
+    fn fixed(&mut self, parent: &str, frame: &Frame, pose: &Isometry3<f64>) -> std::fmt::Result {
+        let name = escaped(&frame.name);
+        writeln!(self.text, r#"  <link name="{name}"/>"#)?;
+        writeln!(
+            self.text,
+            r#"  <joint name="{name}/fixed" type="fixed"><parent link="{}"/><child link="{name}"/>{}</joint>"#,
+            escaped(parent),
+            origin(pose)
+        )
+    }
+
+    fn joint(&mut self, index: usize, parent: &str, placement: &Isometry3<f64>) -> std::fmt::Result {
+        let joint = &self.model.bodies()[index].joint;
+        let kind = match joint.kind {
+            JointKind::Revolute => "revolute",
+            JointKind::Continuous => "continuous",
+            JointKind::Prismatic => "prismatic",
+        };
+        let axis = &joint.axis;
+        write!(
+            self.text,
+            r#"  <joint name="{}" type="{kind}"><parent link="{}"/><child link="{}"/>{}<axis xyz="{} {} {}"/>"#,
+            escaped(&joint.name),
+            escaped(parent),
+            escaped(&self.names[index]),
+            origin(placement),
+            axis.x,
+            axis.y,
+            axis.z
+        )?;
+        let bound = |value: f64| if value.is_finite() { value } else { 1e6_f64.copysign(value) };
+        let limits = &joint.limits;
+        let (lower, upper) = (bound(limits.lower), bound(limits.upper));
+        let (effort, velocity) = (bound(limits.effort), bound(limits.velocity));
+        write!(
+            self.text,
+            r#"<limit lower="{lower}" upper="{upper}" effort="{effort}" velocity="{velocity}"/>"#
+        )?;
+        if let Coordinate::Mimic { of, multiplier, offset } = joint.coordinate {
+            let leader = escaped(&self.model.joint_names()[of]);
+            write!(self.text, r#"<mimic joint="{leader}" multiplier="{multiplier}" offset="{offset}"/>"#)?;
+        }
+        writeln!(self.text, "</joint>")
+    }
+}
+
+pub(super) fn origin(pose: &Isometry3<f64>) -> String {
+    let (p, (roll, pitch, yaw)) = (pose.translation.vector, pose.rotation.euler_angles());
+    format!(r#"<origin xyz="{} {} {}" rpy="{roll} {pitch} {yaw}"/>"#, p.x, p.y, p.z)
+}
+
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
+
+/// The hull of rings of points on a capsule along z.
+fn capsule(radius: f64, length: f64) -> TriangleMesh {
+    const RINGS: usize = 6;
+    const AROUND: usize = 24;
+    let mut points = Vec::new();
+    for end in [-1.0, 1.0] {
+        for ring in 0..=RINGS {
+            let latitude = core::f64::consts::FRAC_PI_2 * ring as f64 / RINGS as f64;
+            let (sin, cos) = latitude.sin_cos();
+            for step in 0..if ring == RINGS { 1 } else { AROUND } {
+                let (y, x) = (core::f64::consts::TAU * step as f64 / AROUND as f64).sin_cos();
+                let z = end * (0.5 * length + radius * sin);
+                points.push(nalgebra::Vector3::new(radius * cos * x, radius * cos * y, z));
+            }
+        }
+    }
+    let triangles = (2..points.len() as u32).map(|last| [last - 2, last - 1, last]).collect();
+    let soup = TriangleMesh { points, triangles };
+    soup.hull(usize::MAX).unwrap_or(soup)
+}
+
+impl Loaded {
+    /// The robot as URDF for viewers: the text of its file where that is URDF, its [held](Self::held) joints fixed, else its model with the
+    /// shapes that are seen, [written](draw_as_urdf) as such. `None` if it was not loaded from a file.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read any more.
+    pub fn drawn(&self) -> io::Result<Option<DrawnRobot>> {
+        let Some(text) = self.text()? else { return Ok(None) };
+        if !is_mjcf(&text) {
+            let text = match &self.held[..] {
+                [] => Some(text),
+                held => hold_joints(&text, self.path.as_deref(), held),
+            };
+            let written = text.map(|text| DrawnRobot { text, meshes: Vec::new() });
+            return Ok(Some(written.unwrap_or_else(|| draw_as_urdf(&self.model))));
+        }
+        let options = LoadOptions { shapes: ShapeSource::Visual, ..LoadOptions::default() };
+        let held: Vec<(&str, f64)> = self.held.iter().map(|(name, held)| (name.as_str(), *held)).collect();
+        let seen = parse_mjcf(&text, self.path.as_deref(), &options).ok();
+        let seen = seen.and_then(|robot| robot.model.locked(&held).ok());
+        let seen = seen.filter(|model| model.joint_names() == self.model.joint_names());
+        Ok(Some(draw_as_urdf(seen.as_ref().unwrap_or(&self.model))))
+    }
+
+    /// True if its file is MJCF.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read any more.
+    pub fn is_mjcf(&self) -> io::Result<bool> {
+        Ok(self.text()?.is_some_and(|text| is_mjcf(&text)))
+    }
+}

@@ -1,0 +1,175 @@
+//! Worlds of files that other programs read, too: MJCF, URDF and SDF.
+
+use std::path::{Path, PathBuf};
+
+use nalgebra::Isometry3;
+use roxmltree::{Document, Node};
+
+use super::{EARTH, Object, ObjectShape, World, sdf};
+use crate::file::read_bounded;
+use crate::format::is_mjcf;
+use crate::{
+    BasePose, Geometry, LoadOptions, MeshShape, MjcfError, MjcfWorld, ModelWarning, Position, Shape,
+    UrdfError, parse_mjcf_world, parse_urdf_with,
+};
+
+/// Longest file of a world, bytes.
+const LONGEST: u64 = 64 * 1024 * 1024;
+
+/// A file that cannot be read as a world.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WorldFileError {
+    /// It cannot be read.
+    #[error("{}: {reason}", .path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        reason: String,
+    },
+    /// Another format.
+    #[error("{}: the root element is <{root}>, expected <mujoco>, <robot> or <sdf>; a world in TOML is named by world = \"FILE.toml\"", .path.display())]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// Its root element.
+        root: String,
+    },
+    /// A fault of an MJCF file.
+    #[error(transparent)]
+    Mjcf(#[from] MjcfError),
+    /// A fault of a URDF file.
+    #[error(transparent)]
+    Urdf(#[from] UrdfError),
+    /// Something that a world does not hold.
+    #[error("{}:{}:{}: {problem}", .path.display(), .at.line, .at.column)]
+    Problem {
+        /// The file.
+        path: PathBuf,
+        /// Its place.
+        at: Position,
+        /// The problem.
+        problem: String,
+    },
+}
+
+/// A world of a file, and what it leaves out.
+pub(super) struct Read {
+    pub(super) world: World,
+    pub(super) states_gravity: bool,
+    pub(super) warnings: Vec<ModelWarning>,
+}
+
+impl World {
+    /// Adds the ground and the objects of a file, before its own; and its gravity where this world has that of Earth.
+    pub(super) fn add_file(&mut self, path: &Path) -> Result<Vec<ModelWarning>, WorldFileError> {
+        let Read { world, states_gravity, warnings } = read(path)?;
+        if states_gravity && self.gravity == EARTH {
+            self.gravity = world.gravity;
+        }
+        if self.wind == [0.0; 3] {
+            self.wind = world.wind;
+        }
+        if self.ground.is_none() && self.terrain.is_none() {
+            self.ground = world.ground;
+        }
+        self.objects.splice(0..0, world.objects);
+        Ok(warnings)
+    }
+}
+
+fn read(path: &Path) -> Result<Read, WorldFileError> {
+    let failed = |reason: String| WorldFileError::Read { path: path.to_owned(), reason };
+    let bytes = read_bounded(path, LONGEST).map_err(|error| failed(error.to_string()))?;
+    let text = String::from_utf8(bytes).map_err(|_| failed("not a text file in UTF-8".to_owned()))?;
+    if is_mjcf(&text) {
+        let MjcfWorld { world, states_gravity, warnings } = parse_mjcf_world(&text, Some(path))?;
+        return Ok(Read { world, states_gravity, warnings });
+    }
+    let document = Document::parse(&text).map_err(|error| {
+        let at = Position { line: error.pos().row, column: error.pos().col };
+        WorldFileError::Problem {
+            path: path.to_owned(),
+            at,
+            problem: format!("not well-formed XML: {error}"),
+        }
+    })?;
+    match document.root_element().tag_name().name() {
+        "robot" => urdf(&text, path, &document),
+        "sdf" => sdf::read(path, &document),
+        root => Err(WorldFileError::Format { path: path.to_owned(), root: root.to_owned() }),
+    }
+}
+
+/// An error at an element.
+pub(super) fn problem(path: &Path, node: Node<'_, '_>, problem: impl Into<String>) -> WorldFileError {
+    let at = node.document().text_pos_at(node.range().start);
+    let at = Position { line: at.row, column: at.col };
+    WorldFileError::Problem { path: path.to_owned(), at, problem: problem.into() }
+}
+
+/// The collision shapes of a URDF whose links are all fixed to one another, as fixed objects.
+fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldFileError> {
+    let robot = parse_urdf_with(text, Some(path), &LoadOptions::default())?;
+    let moving = document.root_element().children().find(|node| {
+        node.has_tag_name("joint") && node.attribute("type").is_some_and(|kind| kind != "fixed")
+    });
+    if let Some(joint) = moving {
+        let name = joint.attribute("name").unwrap_or_default();
+        return Err(problem(
+            path,
+            joint,
+            format!("joint \"{name}\" moves: a world of a URDF is fixed; load the file as a robot"),
+        ));
+    }
+    let base = robot.model.base();
+    let mut world = World::default();
+    for shape in base.shapes.iter().chain(&base.world_shapes) {
+        let missing = |uri: &str| {
+            let mesh = document.descendants().find(|node| node.attribute("filename") == Some(uri));
+            problem(
+                path,
+                mesh.unwrap_or(document.root_element()),
+                format!(
+                    "its mesh \"{uri}\" was not found; name the folder of its package by ROS_PACKAGE_PATH"
+                ),
+            )
+        };
+        let object = object(&world, shape).map_err(|uri| missing(&uri))?;
+        world.objects.push(object);
+    }
+    Ok(Read { world, states_gravity: false, warnings: robot.warnings })
+}
+
+/// A fixed object of a shape; the error is the name of a mesh that is not there.
+fn object(world: &World, shape: &Shape) -> Result<Object, String> {
+    let kind = match &shape.geometry {
+        Geometry::Box { size } => ObjectShape::Box { size: (*size).into() },
+        Geometry::Cylinder { radius, length } => ObjectShape::Cylinder { radius: *radius, length: *length },
+        Geometry::Sphere { radius } => ObjectShape::Sphere { radius: *radius },
+        Geometry::Capsule { radius, length } => ObjectShape::Capsule { radius: *radius, length: *length },
+        Geometry::Mesh { path: Some(path), scale, .. } => mesh(path, (*scale).into()),
+        Geometry::Mesh { uri, .. } => return Err(uri.clone()),
+    };
+    Ok(fixed(unique(world, &shape.link), kind, &shape.placement))
+}
+
+/// A mesh of a file, which touches by its convex hull.
+pub(super) fn mesh(path: &Path, scale: [f64; 3]) -> ObjectShape {
+    let mesh = MeshShape::new(std::path::absolute(path).unwrap_or_else(|_| path.to_owned()));
+    ObjectShape::Mesh(MeshShape { scale, ..mesh })
+}
+
+pub(super) fn fixed(name: String, shape: ObjectShape, pose: &Isometry3<f64>) -> Object {
+    let BasePose { position, rpy } = BasePose::of(pose);
+    Object { name, shape, position, rpy, ..Object::default() }
+}
+
+/// A name, with a number where it is taken.
+pub(super) fn unique(world: &World, name: &str) -> String {
+    let taken = |name: &str| world.objects.iter().any(|object| object.name == name);
+    if !taken(name) {
+        return name.to_owned();
+    }
+    (2..).map(|number| format!("{name}_{number}")).find(|name| !taken(name)).unwrap_or_default()
+}

@@ -1,0 +1,184 @@
+//! Objects in the shape of a mesh.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
+
+use nalgebra::Vector3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{WorldError, positive};
+use crate::{Geometry, MeshError, TriangleMesh, TriangleSurface, VolumeProperties};
+
+/// Corners of a convex part of a mesh, at most.
+const MOST_CORNERS: usize = 64;
+
+/// Convex parts of a mesh, at most.
+const MOST_PARTS: usize = 64;
+
+/// A mesh from a file, in the axes of the file.
+///
+/// ```
+/// use motorium_robots::{MeshCollision, MeshShape, Object, ObjectShape};
+///
+/// let text = r#"
+/// name     = "mug"
+/// shape    = { mesh = { file = "mug.obj", scale = [0.001, 0.001, 0.001], collision = { parts = 12 } } }
+/// density  = 2400.0
+/// position = [0.5, 0.0, 0.1]
+/// "#;
+/// let mug: Object = toml::from_str(text).unwrap();
+/// let ObjectShape::Mesh(mesh) = &mug.shape else { panic!("a mesh") };
+/// assert_eq!(mesh.collision, MeshCollision::Parts(12));
+/// ```
+#[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshShape {
+    /// File of the mesh: `.stl`, `.obj` or `.dae`. A relative path begins at the folder of the graph.
+    pub file: PathBuf,
+    /// Scale along x, y and z. Default 1: the file is in metres.
+    #[serde(default = "unscaled")]
+    pub scale: [f64; 3],
+    /// The shape that touches. Default: the convex hull.
+    #[serde(default)]
+    pub collision: MeshCollision,
+    /// Another file that is drawn instead, scaled alike. Default: the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub visual: Option<PathBuf>,
+    /// What has been read, once for all copies.
+    #[serde(skip)]
+    pub(crate) read: Arc<OnceLock<Result<Arc<MeshBody>, MeshError>>>,
+}
+
+/// The shape by which a mesh touches.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MeshCollision {
+    /// Its convex hull, of at most 64 corners.
+    #[default]
+    Hull,
+    /// Convex parts that together cover it, at most so many (1 to 64), of at most 64 corners each. They are up to a 64th of its longest side
+    /// larger than the mesh.
+    Parts(#[schemars(range(min = 1, max = 64))] usize),
+    /// Its triangles, solid behind: exact. For objects that are fixed.
+    Triangles,
+}
+
+/// A mesh that has been read: its parts and its mass properties.
+#[derive(Debug)]
+pub struct MeshBody {
+    /// The mesh.
+    pub mesh: TriangleMesh,
+    /// The mesh that is drawn.
+    pub visual: Arc<TriangleSurface>,
+    /// The convex parts by which it touches; none where its triangles do.
+    pub parts: Vec<Arc<TriangleMesh>>,
+    /// The triangles by which it touches.
+    pub surface: Option<Arc<TriangleSurface>>,
+    /// Of the mesh where it is closed, else of its convex hull; `None` without a volume.
+    pub properties: Option<VolumeProperties>,
+}
+
+fn unscaled() -> [f64; 3] {
+    [1.0; 3]
+}
+
+impl PartialEq for MeshShape {
+    fn eq(&self, other: &Self) -> bool {
+        let told = |mesh: &Self| (mesh.file.clone(), mesh.scale, mesh.collision, mesh.visual.clone());
+        told(self) == told(other)
+    }
+}
+
+impl MeshShape {
+    /// A mesh from a file that touches by its convex hull.
+    pub fn new(file: impl Into<PathBuf>) -> Self {
+        let (scale, collision) = (unscaled(), MeshCollision::default());
+        Self { file: file.into(), scale, collision, visual: None, read: Arc::default() }
+    }
+
+    /// A mesh that is there already; `name` stands for its file.
+    pub fn of_mesh(name: &str, mesh: TriangleMesh, collision: MeshCollision) -> Self {
+        let shape = Self { collision, ..Self::new(name) };
+        let _ = shape.read.set(Ok(Arc::new(MeshBody::new(mesh, None, collision))));
+        shape
+    }
+
+    /// Lets relative paths begin at a folder.
+    pub(super) fn locate(&mut self, folder: &Path) {
+        if self.read.get().is_some_and(Result::is_ok) {
+            return;
+        }
+        self.file = folder.join(&self.file);
+        self.visual = self.visual.as_ref().map(|file| folder.join(file));
+        self.read = Arc::default();
+    }
+
+    /// The mesh with its parts and its mass properties, read at the first call.
+    ///
+    /// # Errors
+    ///
+    /// [`MeshError`].
+    pub fn body(&self) -> Result<Arc<MeshBody>, MeshError> {
+        self.read.get_or_init(|| self.read_files().map(Arc::new)).clone()
+    }
+
+    fn read_files(&self) -> Result<MeshBody, MeshError> {
+        let scale = Vector3::from(self.scale);
+        let read = |file: &Path| TriangleMesh::read(file).map(|mesh| mesh.scaled(&scale));
+        let visual = self.visual.as_deref().map(read).transpose()?;
+        Ok(MeshBody::new(read(&self.file)?, visual, self.collision))
+    }
+
+    /// Checks numbers and files.
+    pub(super) fn check(&self, owner: &str, moves: bool) -> Result<(), WorldError> {
+        self.scale.iter().try_for_each(|scale| positive(owner, "scale", *scale))?;
+        if let MeshCollision::Parts(parts) = self.collision {
+            let good = (1..=MOST_PARTS).contains(&parts);
+            super::check(owner, "parts", parts as f64, good, "a whole number from 1 to 64")?;
+        }
+        if moves && self.collision == MeshCollision::Triangles {
+            return Err(WorldError::MovingTriangles { name: owner.to_owned() });
+        }
+        let error = |error| WorldError::Mesh { owner: owner.to_owned(), error };
+        let body = self.body().map_err(error)?;
+        let flat = body.properties.is_none() || body.parts.is_empty();
+        if flat && self.collision != MeshCollision::Triangles {
+            return Err(WorldError::FlatMesh { name: owner.to_owned() });
+        }
+        Ok(())
+    }
+}
+
+impl MeshBody {
+    fn new(mesh: TriangleMesh, visual: Option<TriangleMesh>, collision: MeshCollision) -> Self {
+        let mesh = mesh.welded();
+        let closed = if mesh.is_closed() { mesh.volume_properties() } else { None };
+        let of_hull = || mesh.hull(usize::MAX).and_then(|hull| hull.volume_properties());
+        let properties = closed.or_else(of_hull);
+        let parts = match collision {
+            MeshCollision::Hull => mesh.convex_parts(1, MOST_CORNERS),
+            MeshCollision::Parts(parts) => mesh.convex_parts(parts.clamp(1, MOST_PARTS), MOST_CORNERS),
+            MeshCollision::Triangles => Vec::new(),
+        };
+        let visual = Arc::new(TriangleSurface::new(visual.as_ref().unwrap_or(&mesh)));
+        let touches = collision == MeshCollision::Triangles;
+        let surface = touches.then(|| Arc::new(TriangleSurface::new(&mesh)));
+        let parts = parts.into_iter().map(Arc::new).collect();
+        Self { mesh, visual, parts, surface, properties }
+    }
+
+    /// The shapes of a collision model by which it touches, all about the origin of the mesh.
+    pub fn geometries(&self, name: &str) -> Vec<Geometry> {
+        let of = |mesh: Arc<TriangleMesh>| Geometry::Mesh {
+            uri: name.to_owned(),
+            path: None,
+            inline: Some(mesh),
+            scale: Vector3::repeat(1.0),
+        };
+        match &self.surface {
+            Some(_) => vec![of(Arc::new(self.mesh.clone()))],
+            None => self.parts.iter().cloned().map(of).collect(),
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! Worlds from SDF (SDFormat 1.4 to 1.11), a subset: models of one link or fixed ones, with primitives, planes and meshes.
+
+use std::path::Path;
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use roxmltree::{Document, Node};
+
+use super::file::{Read, WorldFileError, fixed, mesh, problem, unique};
+use super::{Ground, Object, ObjectShape, World};
+
+/// Elements without effect on what is read.
+const SKIPPED: [&str; 16] = [
+    "scene",
+    "light",
+    "gui",
+    "physics",
+    "plugin",
+    "audio",
+    "spherical_coordinates",
+    "magnetic_field",
+    "atmosphere",
+    "visual",
+    "sensor",
+    "self_collide",
+    "enable_wind",
+    "allow_auto_disable",
+    "velocity_decay",
+    "kinematic",
+];
+
+/// Thickness of the box that stands for a plane with an end \[m\].
+const THICK: f64 = 0.1;
+
+/// Reads the first `<world>`, else the `<model>`s, of an SDF document.
+pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFileError> {
+    let root = document.root_element();
+    let around = root.children().find(|node| node.has_tag_name("world")).unwrap_or(root);
+    let mut reader = Reader { path, world: World::default(), states_gravity: false };
+    for node in around.children().filter(Node::is_element) {
+        match node.tag_name().name() {
+            "gravity" => {
+                (reader.world.gravity, reader.states_gravity) = (reader.numbers(node)?, true);
+            }
+            "wind" => {
+                if let Some(velocity) = child(node, "linear_velocity") {
+                    reader.world.wind = reader.numbers(velocity)?;
+                }
+            }
+            "model" => reader.model(node)?,
+            "world" => return Err(problem(path, node, "a second <world>: a file holds one")),
+            "include" => {
+                return Err(problem(path, node, "<include> is not read; write the model into the file"));
+            }
+            name if SKIPPED.contains(&name) => {}
+            name => return Err(reader.unread(node, name)),
+        }
+    }
+    let Reader { world, states_gravity, .. } = reader;
+    Ok(Read { world, states_gravity, warnings: Vec::new() })
+}
+
+struct Reader<'p> {
+    path: &'p Path,
+    world: World,
+    states_gravity: bool,
+}
+
+fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
+    node.children().find(|child| child.has_tag_name(name))
+}
+
+impl Reader<'_> {
+    fn unread(&self, node: Node<'_, '_>, name: &str) -> WorldFileError {
+        problem(
+            self.path,
+            node,
+            format!("<{name}> is not among the SDF read here; leave it out, or write the world in TOML"),
+        )
+    }
+
+    fn numbers<const N: usize>(&self, node: Node<'_, '_>) -> Result<[f64; N], WorldFileError> {
+        let text = node.text().unwrap_or("");
+        let numbers: Vec<f64> = text.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+        let whole = numbers.len() == text.split_whitespace().count();
+        match <[f64; N]>::try_from(numbers) {
+            Ok(numbers) if whole && numbers.iter().all(|number| number.is_finite()) => Ok(numbers),
+            _ => {
+                let name = node.tag_name().name();
+                Err(problem(
+                    self.path,
+                    node,
+                    format!("<{name}> is \"{}\", expected {N} numbers", text.trim()),
+                ))
+            }
+        }
+    }
+
+    fn number(&self, node: Node<'_, '_>, name: &str) -> Result<f64, WorldFileError> {
+        let Some(inside) = child(node, name) else {
+            return Err(problem(self.path, node, format!("<{}> without a <{name}>", node.tag_name().name())));
+        };
+        self.numbers::<1>(inside).map(|[number]| number)
+    }
+
+    fn pose(&self, node: Node<'_, '_>) -> Result<Isometry3<f64>, WorldFileError> {
+        let Some(pose) = child(node, "pose") else { return Ok(Isometry3::identity()) };
+        if pose.attribute("relative_to").is_some_and(|frame| !frame.is_empty()) {
+            return Err(problem(
+                self.path,
+                pose,
+                "a pose relative to another frame is not read; write it relative to what it stands in",
+            ));
+        }
+        let [x, y, z, mut roll, mut pitch, mut yaw] = self.numbers(pose)?;
+        if pose.attribute("degrees") == Some("true") {
+            [roll, pitch, yaw] = [roll, pitch, yaw].map(f64::to_radians);
+        }
+        Ok(Isometry3::from_parts(
+            Translation3::new(x, y, z),
+            UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+        ))
+    }
+
+    fn model(&mut self, model: Node<'_, '_>) -> Result<(), WorldFileError> {
+        let pose = self.pose(model)?;
+        let is_static = child(model, "static")
+            .and_then(|node| node.text())
+            .is_some_and(|text| matches!(text.trim(), "true" | "1"));
+        let name = model.attribute("name").unwrap_or("model");
+        let links = || model.children().filter(|node| node.has_tag_name("link"));
+        for node in model.children().filter(Node::is_element) {
+            match node.tag_name().name() {
+                "pose" | "static" | "link" => {}
+                "joint" if is_static => {}
+                "joint" => {
+                    return Err(problem(
+                        self.path,
+                        node,
+                        format!(
+                            "model \"{name}\" has a joint: it is a robot; a world holds fixed models and bodies that move freely"
+                        ),
+                    ));
+                }
+                name if SKIPPED.contains(&name) => {}
+                name => return Err(self.unread(node, name)),
+            }
+        }
+        if let Some(second) = links().nth(1).filter(|_| !is_static) {
+            return Err(problem(
+                self.path,
+                second,
+                "a second link of a model that moves is not read: an object is one body",
+            ));
+        }
+        for link in links() {
+            let within = pose * self.pose(link)?;
+            self.link(link, name, &within, !is_static)?;
+        }
+        Ok(())
+    }
+
+    fn link(
+        &mut self,
+        link: Node<'_, '_>,
+        model: &str,
+        pose: &Isometry3<f64>,
+        moves: bool,
+    ) -> Result<(), WorldFileError> {
+        let mut found = 0;
+        let mut mass = None;
+        for node in link.children().filter(Node::is_element) {
+            match node.tag_name().name() {
+                "pose" | "gravity" => {}
+                "inertial" => mass = child(node, "mass").map(|_| self.number(node, "mass")).transpose()?,
+                "collision" => found += 1,
+                name if SKIPPED.contains(&name) => {}
+                name => return Err(self.unread(node, name)),
+            }
+        }
+        if moves && found != 1 {
+            let problem_of = format!(
+                "model \"{model}\" moves and has {found} collisions, expected one: an object has one shape"
+            );
+            return Err(problem(self.path, link, problem_of));
+        }
+        for collision in link.children().filter(|node| node.has_tag_name("collision")) {
+            self.collision(collision, model, pose, moves.then(|| mass.unwrap_or(1.0)))?;
+        }
+        Ok(())
+    }
+
+    fn collision(
+        &mut self,
+        collision: Node<'_, '_>,
+        model: &str,
+        within: &Isometry3<f64>,
+        mass: Option<f64>,
+    ) -> Result<(), WorldFileError> {
+        let pose = within * self.pose(collision)?;
+        let geometry = child(collision, "geometry")
+            .and_then(|geometry| geometry.children().find(Node::is_element))
+            .ok_or_else(|| problem(self.path, collision, "<collision> without a <geometry>"))?;
+        let friction = self.friction(collision)?;
+        let shape = match geometry.tag_name().name() {
+            "box" => {
+                let size = child(geometry, "size")
+                    .ok_or_else(|| problem(self.path, geometry, "<box> without a <size>"))?;
+                ObjectShape::Box { size: self.numbers(size)? }
+            }
+            "sphere" => ObjectShape::Sphere { radius: self.number(geometry, "radius")? },
+            "cylinder" => ObjectShape::Cylinder {
+                radius: self.number(geometry, "radius")?,
+                length: self.number(geometry, "length")?,
+            },
+            "capsule" => ObjectShape::Capsule {
+                radius: self.number(geometry, "radius")?,
+                length: self.number(geometry, "length")?,
+            },
+            "mesh" => self.mesh(geometry)?,
+            "plane" => return self.plane(geometry, model, &pose, (friction, mass.is_some())),
+            name => return Err(self.unread(geometry, name)),
+        };
+        let name = unique(&self.world, model);
+        self.world.objects.push(Object { mass, friction, ..fixed(name, shape, &pose) });
+        Ok(())
+    }
+
+    /// The coefficient of a collision; SDF's default is 1.
+    fn friction(&self, collision: Node<'_, '_>) -> Result<f64, WorldFileError> {
+        let ode =
+            ["surface", "friction", "ode"].into_iter().try_fold(collision, |node, name| child(node, name));
+        match ode.filter(|ode| child(*ode, "mu").is_some()) {
+            Some(ode) => self.number(ode, "mu"),
+            None => Ok(1.0),
+        }
+    }
+
+    fn mesh(&self, geometry: Node<'_, '_>) -> Result<ObjectShape, WorldFileError> {
+        let uri =
+            child(geometry, "uri").ok_or_else(|| problem(self.path, geometry, "<mesh> without a <uri>"))?;
+        let name = uri.text().unwrap_or("").trim();
+        let name = name.strip_prefix("file://").unwrap_or(name);
+        if name.contains("://") {
+            return Err(problem(
+                self.path,
+                uri,
+                format!("\"{name}\" is no file; write a path beside the SDF"),
+            ));
+        }
+        let scale =
+            child(geometry, "scale").map(|scale| self.numbers(scale)).transpose()?.unwrap_or([1.0; 3]);
+        let file = self.path.parent().unwrap_or(Path::new("")).join(name);
+        if !file.is_file() {
+            return Err(problem(
+                self.path,
+                uri,
+                format!("its mesh \"{name}\" was not found beside the file"),
+            ));
+        }
+        Ok(mesh(&file, scale))
+    }
+
+    /// A level plane is the ground, any other one a box below it with its size.
+    fn plane(
+        &mut self,
+        geometry: Node<'_, '_>,
+        model: &str,
+        pose: &Isometry3<f64>,
+        (friction, moves): (f64, bool),
+    ) -> Result<(), WorldFileError> {
+        if moves {
+            return Err(problem(self.path, geometry, "a plane cannot move: make its model <static>"));
+        }
+        let normal = match child(geometry, "normal") {
+            Some(normal) => Vector3::from(self.numbers::<3>(normal)?),
+            None => Vector3::z(),
+        };
+        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &normal);
+        let Some(turn) = turn.filter(|_| normal.norm() > 1e-9) else {
+            return Err(problem(self.path, geometry, "the normal of a plane must point up or aside"));
+        };
+        let pose = pose * turn;
+        if (pose.rotation * Vector3::z()).z > 1.0 - 1e-9 && self.world.ground.is_none() {
+            self.world.ground = Some(Ground { height: pose.translation.z, friction, ..Ground::default() });
+            return Ok(());
+        }
+        let Some(size) = child(geometry, "size") else {
+            return Err(problem(
+                self.path,
+                geometry,
+                "a second plane, or one that is not level, needs a <size>",
+            ));
+        };
+        let [x, y] = self.numbers(size)?;
+        let shape = ObjectShape::Box { size: [x, y, THICK] };
+        let pose = pose * Translation3::new(0.0, 0.0, -0.5 * THICK);
+        let name = unique(&self.world, model);
+        self.world.objects.push(Object { friction, ..fixed(name, shape, &pose) });
+        Ok(())
+    }
+}

@@ -1,0 +1,272 @@
+//! Worlds of files that other programs read, and meshes of objects.
+
+use std::path::Path;
+
+use motorium_robots::{
+    Kinematics, MeshShape, MimicMode, Object, ObjectShape, PackagePath, Ray, RayScene, TriangleMesh, World,
+    WorldError, WorldFileError, draw_as_urdf, load, parse_mjcf_world, parse_urdf,
+};
+use nalgebra::{Point3, Vector3};
+
+/// A square frame: outer sides of 2 m, a hole of 1 m, 0.5 m thick, about a corner. In OBJ.
+fn frame() -> String {
+    let ring = |half: f64, z: f64| {
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| (x * half + 1.0, y * half + 1.0, z))
+    };
+    let points = [ring(1.0, 0.0), ring(0.5, 0.0), ring(1.0, 0.5), ring(0.5, 0.5)].concat();
+    let mut text: String = points.iter().map(|(x, y, z)| format!("v {x} {y} {z}\n")).collect();
+    for side in 0..4 {
+        let next = (side + 1) % 4;
+        let [a, b, c, d] = [side, next, 4 + next, 4 + side];
+        // Below, above, outside, inside: outward.
+        for face in [[d, c, b, a], [a + 8, b + 8, c + 8, d + 8], [a, b, b + 8, a + 8], [c, d, d + 8, c + 8]] {
+            let [p, q, r, s] = face.map(|corner| corner + 1);
+            text += &format!("f {p} {q} {r} {s}\n");
+        }
+    }
+    text
+}
+
+#[test]
+fn mass_centre_and_inertia_of_a_hollow_mesh_are_those_of_two_boxes() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("frame.obj"), frame()).unwrap();
+    let text = r#"
+[[objects]]
+name = "frame"
+shape = { mesh = { file = "frame.obj", scale = [0.1, 0.1, 0.1], collision = { parts = 8 } } }
+density = 2700.0
+position = [1.0, 2.0, 3.0]
+"#;
+    let mut world: World = toml::from_str(text).unwrap();
+    world.locate(folder.path()).unwrap();
+    world.check(std::iter::empty()).unwrap();
+    let own = world.objects[0].mass_properties().unwrap();
+    // An outer box less an inner one, about the same centre.
+    let of_box = |side: f64, height: f64| {
+        let mass = 2700.0 * side * side * height;
+        (mass, mass * (side * side + height * height) / 12.0, mass * (side * side + side * side) / 12.0)
+    };
+    let ((m, ix, iz), (n, jx, jz)) = (of_box(0.2, 0.05), of_box(0.1, 0.05));
+    assert!((own.mass - (m - n)).abs() < 1e-9, "{}", own.mass);
+    let mut moments: Vec<f64> = own.moments.iter().copied().collect();
+    moments.sort_by(f64::total_cmp);
+    for (found, expected) in moments.iter().zip([ix - jx, ix - jx, iz - jz]) {
+        assert!((found - expected).abs() < 1e-9, "{found}, {expected}");
+    }
+    let centre = own.frame.unwrap().translation.vector;
+    assert!((centre - Vector3::new(0.1, 0.1, 0.025)).norm() < 1e-12, "{centre}");
+}
+
+#[test]
+fn rays_go_through_the_hole_of_a_mesh_and_meet_its_rim_from_both_sides() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("frame.obj"), frame()).unwrap();
+    let mesh = MeshShape::new(folder.path().join("frame.obj"));
+    let object = Object {
+        name: "frame".to_owned(),
+        shape: ObjectShape::Mesh(mesh),
+        position: [-1.0, -1.0, 2.0],
+        ..Object::default()
+    };
+    let mut scene = RayScene::default();
+    scene.add_world(&World { objects: vec![object], ..World::default() });
+    let cast = |x: f64, y: f64, z: f64, up: bool| {
+        let direction = if up { Vector3::z_axis() } else { -Vector3::z_axis() };
+        scene.cast(&Ray { origin: Point3::new(x, y, z), direction }, 20.0)
+    };
+    assert!(cast(0.1, 0.2, 5.0, false).is_none(), "the hole");
+    let top = cast(0.7, 0.2, 5.0, false).unwrap();
+    assert!((top.distance - 2.5).abs() < 1e-12 && top.normal == Vector3::z(), "{top:?}");
+    let below = cast(0.7, 0.2, 0.0, true).unwrap();
+    assert!((below.distance - 2.0).abs() < 1e-12 && below.normal == -Vector3::z(), "{below:?}");
+    let inside = cast(0.7, 0.2, 2.25, true).unwrap();
+    assert!((inside.distance - 0.25).abs() < 1e-12 && inside.normal == -Vector3::z(), "{inside:?}");
+}
+
+const MJCF: &str = r#"<mujoco model="yard">
+  <compiler angle="degree"/>
+  <option gravity="0 0 -3.7" wind="1 0 0"/>
+  <default><geom friction="0.9 0.01 0.002"/></default>
+  <worldbody>
+    <light pos="0 0 3"/>
+    <geom name="floor" type="plane" size="0 0 .1" pos="0 0 0.2" condim="6"/>
+    <body name="shed" pos="2 0 0.2" euler="0 0 90">
+      <geom type="box" size="1 0.5 0.4" pos="0 0 0.4"/>
+      <geom name="mast" type="capsule" size="0.05" fromto="0 0 0.8 0 0 1.8"/>
+    </body>
+    <body name="can" pos="0 0 1"><freejoint/><geom type="cylinder" size="0.03 0.06" density="500" friction="0.5"/></body>
+    <geom name="haze" type="sphere" size="3" contype="0" conaffinity="0"/>
+  </worldbody>
+</mujoco>"#;
+
+#[test]
+fn a_world_of_mjcf_has_its_gravity_ground_fixed_geoms_and_free_bodies() {
+    let read = parse_mjcf_world(MJCF, None).unwrap();
+    let world = &read.world;
+    assert_eq!((world.gravity, world.wind), ([0.0, 0.0, -3.7], [1.0, 0.0, 0.0]));
+    let ground = world.ground.unwrap();
+    assert!((ground.height - 0.2).abs() < 1e-12);
+    assert_eq!((ground.friction, ground.torsional_friction, ground.rolling_friction), (0.9, 0.01, 0.002));
+    let names: Vec<&str> = world.objects.iter().map(|object| object.name.as_str()).collect();
+    assert_eq!(names, ["shed", "mast", "can"]);
+    let [shed, mast, can] = &world.objects[..] else { panic!() };
+    assert_eq!(shed.shape, ObjectShape::Box { size: [2.0, 1.0, 0.8] });
+    assert!(
+        (shed.position[2] - 0.6).abs() < 1e-12 && (shed.rpy[2] - core::f64::consts::FRAC_PI_2).abs() < 1e-12
+    );
+    assert!((mast.position[2] - 1.5).abs() < 1e-12 && !mast.is_dynamic(), "{mast:?}");
+    assert_eq!((shed.torsional_friction, can.friction), (0.0, 0.5));
+    let volume = core::f64::consts::PI * 0.03 * 0.03 * 0.12;
+    assert!((can.mass.unwrap() - 500.0 * volume).abs() < 1e-12);
+    let left_out: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
+    assert!(left_out.iter().any(|warning| warning.contains("touches nothing")), "{left_out:?}");
+    world.check(std::iter::empty()).unwrap();
+}
+
+#[test]
+fn what_a_world_does_not_hold_is_refused_with_line_and_column() {
+    for (old, new, expected) in [
+        ("<freejoint/>", "<joint/>", "12:34: a body on a joint is part of a robot"),
+        ("<light pos=\"0 0 3\"/>", "<geom type=\"hfield\" hfield=\"h\"/>", "6:5: type=\"hfield\""),
+        (
+            "density=\"500\" friction=\"0.5\"/>",
+            "/><geom size=\"0.1\"/>",
+            "a second geom of a body that moves",
+        ),
+        ("</mujoco>", "<actuator/></mujoco>", "<actuator> is about a robot"),
+        ("<light", "<tree", "<tree> is not among"),
+    ] {
+        let error = parse_mjcf_world(&MJCF.replacen(old, new, 1), None).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+fn of_file(name: &str, text: &str) -> Result<World, WorldError> {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join(name), text).unwrap();
+    let mut world: World = toml::from_str(&format!("file = \"{name}\"")).unwrap();
+    world.locate(folder.path()).map(|_| world)
+}
+
+#[test]
+fn keys_beside_a_file_add_to_its_world_and_its_gravity_holds_unless_they_state_one() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("yard.xml"), MJCF).unwrap();
+    let text = r#"
+file = "yard.xml"
+objects = [{ name = "ball", shape = { sphere = { radius = 0.1 } }, mass = 1.0, position = [0.0, 0.0, 2.0] }]
+appearance = { colours = { shed = [0.5, 0.2, 0.1] } }
+"#;
+    let mut world: World = toml::from_str(text).unwrap();
+    world.locate(folder.path()).unwrap();
+    world.check(std::iter::empty()).unwrap();
+    assert_eq!((world.gravity[2], world.objects.len()), (-3.7, 4));
+    assert_eq!(world.objects[3].name, "ball");
+    let mut world: World = toml::from_str("file = \"yard.xml\"\ngravity = [0.0, 0.0, -1.6]").unwrap();
+    world.locate(folder.path()).unwrap();
+    assert_eq!(world.gravity[2], -1.6);
+}
+
+#[test]
+fn a_world_of_a_fixed_urdf_is_its_collision_shapes() {
+    let urdf = r#"<robot name="shelf">
+  <link name="frame"><collision><origin xyz="0 0 1"/><geometry><box size="1 0.3 2"/></geometry></collision></link>
+  <link name="board"><collision><geometry><cylinder radius="0.2" length="0.02"/></geometry></collision></link>
+  <joint name="screwed" type="fixed"><parent link="frame"/><child link="board"/><origin xyz="0 0.3 0.5"/></joint>
+</robot>"#;
+    let world = of_file("shelf.urdf", urdf).unwrap();
+    let found: Vec<_> = world.objects.iter().map(|object| (object.name.as_str(), object.position)).collect();
+    assert_eq!(found, [("frame", [0.0, 0.0, 1.0]), ("board", [0.0, 0.3, 0.5])]);
+    let refused = of_file(
+        "door.urdf",
+        &urdf.replace("\"fixed\"", "\"revolute\"").replace(
+            "</joint>",
+            "<axis xyz=\"0 0 1\"/><limit lower=\"0\" upper=\"1\" effort=\"1\" velocity=\"1\"/></joint>",
+        ),
+    );
+    let refused = refused.unwrap_err().to_string();
+    assert!(refused.contains("door.urdf:4:3: joint \"screwed\" moves"), "{refused}");
+}
+
+const SDF: &str = r#"<sdf version="1.9"><world name="w">
+<gravity>0 0 -9.8</gravity>
+<model name="ground"><static>true</static><link name="l"><collision name="c"><geometry><plane><normal>0 0 1</normal><size>9 9</size></plane></geometry>
+  <surface><friction><ode><mu>0.7</mu></ode></friction></surface></collision></link></model>
+<model name="crate"><pose>1 0 0.25 0 0 0.5</pose><link name="l"><inertial><mass>3</mass></inertial>
+  <collision name="c"><geometry><box><size>0.5 0.5 0.5</size></box></geometry></collision>
+  <visual name="v"/></link></model>
+</world></sdf>"#;
+
+#[test]
+fn a_world_of_sdf_has_its_planes_and_models_and_refuses_robots_with_their_place() {
+    let world = of_file("w.sdf", SDF).unwrap();
+    assert_eq!((world.gravity[2], world.ground.unwrap().friction), (-9.8, 0.7));
+    let [crate_] = &world.objects[..] else { panic!("{:?}", world.objects) };
+    assert_eq!((crate_.mass, crate_.friction, crate_.position), (Some(3.0), 1.0, [1.0, 0.0, 0.25]));
+    assert!((crate_.rpy[2] - 0.5).abs() < 1e-12);
+    for (old, new, expected) in [
+        ("<gravity>0 0 -9.8<", "<gravity>0 0<", "w.sdf:2:1: <gravity> is \"0 0\", expected 3 numbers"),
+        ("<visual name=\"v\"/></link>", "</link><joint name=\"j\"/>", "model \"crate\" has a joint"),
+        ("<gravity>", "<include/><gravity>", "<include> is not read"),
+        ("<box><size>0.5 0.5 0.5</size></box>", "<heightmap/>", "<heightmap> is not among the SDF read here"),
+    ] {
+        let refused = of_file("w.sdf", &SDF.replacen(old, new, 1)).unwrap_err().to_string();
+        assert!(refused.contains(expected), "{refused}");
+    }
+    let refused = of_file("w.xml", "<tree/>");
+    assert!(matches!(refused, Err(WorldError::File(WorldFileError::Format { .. }))), "{refused:?}");
+}
+
+#[test]
+fn a_model_written_as_urdf_has_the_joints_links_and_poses_of_the_model() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/mujoco");
+    for name in ["arm.xml", "walker.xml", "runner.xml"] {
+        let loaded = load(name, &folder).unwrap();
+        let drawn = loaded.drawn().unwrap().unwrap();
+        let again = parse_urdf(&drawn.text, None, MimicMode::Follow, &PackagePath::default());
+        let again = again.unwrap_or_else(|error| panic!("{name}: {error}\n{}", drawn.text)).model;
+        assert_eq!(again.joint_names(), loaded.model.joint_names(), "{name}");
+        let pose = |model: &motorium_robots::Model, frame: &str, root: &str| {
+            let mut kinematics = Kinematics::new(model);
+            let mut q = model.neutral();
+            let joints = model.joint_count();
+            let first = q.len() - joints;
+            q[first..].iter_mut().enumerate().for_each(|(joint, q)| *q = 0.1 + 0.2 * joint as f64);
+            kinematics.update(model, &q);
+            let of = |name: &str| kinematics.pose(model, model.frame(name).unwrap());
+            of(root).inv_mul(&of(frame))
+        };
+        let frames = loaded.model.frames();
+        let root = frames.iter().find(|frame| frame.body.is_none() && !frame.in_world).unwrap().name.clone();
+        for frame in frames.iter().filter(|frame| !frame.in_world) {
+            let [one, other] = [&loaded.model, &again].map(|model| pose(model, &frame.name, &root));
+            let apart = (one.to_homogeneous() - other.to_homogeneous()).norm();
+            assert!(apart < 1e-9, "{name}: {} by {apart}", frame.name);
+        }
+        assert!(drawn.text.contains("<visual>"), "{name}");
+    }
+    let drawn = draw_as_urdf(&load("quadruped", Path::new(".")).unwrap().model);
+    for (name, mesh) in &drawn.meshes {
+        assert!(drawn.text.contains(name.as_str()) && mesh.is_closed(), "{name}");
+    }
+}
+
+#[test]
+fn a_mesh_with_a_hole_in_its_surface_is_not_closed_and_has_the_volume_of_its_hull() {
+    let corner = |x, y, z| Vector3::new(x, y, z);
+    let points =
+        vec![corner(0.0, 0.0, 0.0), corner(1.0, 0.0, 0.0), corner(0.0, 1.0, 0.0), corner(0.0, 0.0, 1.0)];
+    let whole = TriangleMesh { points, triangles: vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]] };
+    let open = TriangleMesh { triangles: whole.triangles[1..].to_vec(), ..whole.clone() };
+    assert!(whole.is_closed() && !open.is_closed());
+    let inside_out = TriangleMesh {
+        triangles: whole.triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect(),
+        ..whole.clone()
+    };
+    assert!(!inside_out.is_closed(), "its triangles face inward");
+    for mesh in [open, inside_out] {
+        let shape = ObjectShape::Mesh(MeshShape::of_mesh("pyramid", mesh, Default::default()));
+        assert!((shape.volume().unwrap() - 1.0 / 6.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,113 @@
+//! A robot that MJCF alone describes, and an object of a mesh, on the page in a headless browser.
+
+use std::path::Path;
+
+use motorium_view::browser::Browser;
+
+use crate::client::Client;
+use crate::page::{until, without_browser};
+use crate::support::{Run, machine};
+use crate::viewer::Viewer;
+
+/// A capsule, a mesh of the file, and one from beside it.
+const ROBOT: &str = r#"<mujoco model="crane">
+  <asset>
+    <mesh name="jib" vertex="0 0 0  0.4 0 0  0 0.1 0  0 0 0.1"/>
+    <mesh name="hook" file="meshes/hook.obj" scale="0.5 0.5 0.5"/>
+  </asset>
+  <worldbody>
+    <body name="mast" pos="0 0 0.1">
+      <geom type="capsule" size="0.05 0.2" pos="0 0 0.2"/>
+      <body name="arm" pos="0 0 0.45">
+        <joint name="slew" axis="0 0 1" range="-170 170" actuatorfrcrange="-50 50" damping="1"/>
+        <inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.02 0.02"/>
+        <geom type="mesh" mesh="jib"/>
+        <body name="block" pos="0.4 0 0">
+          <joint name="hoist" type="slide" axis="0 0 -1" range="0 0.3" actuatorfrcrange="-50 50" damping="5"/>
+          <inertial pos="0 0 0" mass="0.5" diaginertia="0.001 0.001 0.001"/>
+          <geom type="mesh" mesh="hook"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>"#;
+
+const CUBE: &str = "v 0 0 0\nv 0.1 0 0\nv 0.1 0.1 0\nv 0 0.1 0\nv 0 0 0.1\nv 0.1 0 0.1\nv 0.1 0.1 0.1\nv 0 0.1 0.1\n\
+f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+const GRAPH: &str = r#"
+name = "crane"
+
+[robot.crane]
+urdf = "crane.xml"
+
+[world]
+ground  = {}
+objects = [{ name = "crate", shape = { mesh = { file = "meshes/hook.obj", scale = [2.0, 2.0, 2.0] } }, density = 100.0, position = [0.6, 0.0, 0.0] }]
+
+[component.physics]
+kind      = "physics.articulated"
+robot     = "crane"
+rate      = "500 Hz"
+subscribe = { joint_command = "crane/joint_command" }
+publish   = { joint_state = "crane/joint_state", object_poses = "world/objects" }
+
+[component.policy]
+kind      = "policy.trajectory"
+robot     = "crane"
+trigger   = "crane/joint_state"
+subscribe = { joint_state = "crane/joint_state" }
+publish   = { joint_command = "crane/joint_command" }
+config    = { goals = [{ position = [1.0, 0.2] }], joint_command = { kp = 200.0, kd = 20.0 }, limits = { velocity = [1.0, 0.2], acceleration = [2.0, 1.0] } }
+"#;
+
+fn write(folder: &Path) -> std::path::PathBuf {
+    std::fs::create_dir_all(folder.join("meshes")).unwrap();
+    std::fs::write(folder.join("meshes/hook.obj"), CUBE).unwrap();
+    std::fs::write(folder.join("crane.xml"), ROBOT).unwrap();
+    let graph = folder.join("crane.toml");
+    std::fs::write(&graph, GRAPH).unwrap();
+    graph
+}
+
+#[test]
+fn a_robot_of_mjcf_is_described_as_urdf_and_its_meshes_are_sent() {
+    let _machine = machine();
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::start(&write(folder.path()), &["--for", "300s", "--clock", "lockstep", "--pace", "1"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
+    let mut client = Client::connect(viewer.port, "", "foxglove.sdk.v1").unwrap();
+    client.await_channels(&["/robot_description"]);
+    let text = client.next_json("/robot_description");
+    let urdf = text["data"].as_str().unwrap();
+    assert!(urdf.contains("<robot name=\"crane\">") && urdf.contains("<joint name=\"hoist\""), "{urdf}");
+    let names: Vec<&str> =
+        urdf.split("filename=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
+    assert_eq!(names.len(), 3, "the capsule, the mesh of the file, and the one beside it: {names:?}");
+    for name in names {
+        let mesh = client.fetch(name).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert!(mesh.starts_with(b"v "), "{name}");
+    }
+}
+
+#[test]
+fn a_robot_of_mjcf_and_an_object_of_a_mesh_are_drawn_on_the_page_where_they_are() {
+    if without_browser() {
+        return;
+    }
+    let _machine = machine();
+    let folder = tempfile::tempdir().unwrap();
+    let run = Run::start(&write(folder.path()), &["--for", "300s", "--clock", "lockstep", "--pace", "0.2"]);
+    let viewer = Viewer::start(&["--run", run.folder.id()], &[]);
+    let mut browser = Browser::open(&viewer.address(), (1000, 700)).unwrap();
+    let state = until(&mut browser, "the robot is drawn", |state| {
+        state["robots"][0]["drawn"] == true && state["robots"][0]["deviation_m"].is_number()
+    });
+    let deviation = state["robots"][0]["deviation_m"].as_f64().unwrap();
+    assert!(deviation < 1e-5, "links are drawn {deviation} m from where the run has them");
+    let joints = state["robots"][0]["joints"].as_object().unwrap();
+    assert_eq!(joints.keys().map(String::as_str).collect::<Vec<_>>(), ["hoist", "slew"]);
+    // A capsule of rings, a tetrahedron, two cubes, the ground.
+    assert!(state["triangles"].as_u64().unwrap() > 200, "{state}");
+    assert_eq!(state["errors"], serde_json::json!([]));
+}
