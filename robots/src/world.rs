@@ -100,6 +100,18 @@ pub enum WorldError {
         /// The object.
         name: String,
     },
+    /// Neighbouring triangles that face opposite sides.
+    #[error(
+        "{name}: the triangles at the edge from {:?} to {:?} of its mesh face opposite sides, so that nobody knows which side is \
+         solid; let all face outward (a mesh editor recalculates normals), or let it touch by convex parts, such as \
+         collision = {{ parts = 16 }}", .edge[0], .edge[1]
+    )]
+    TwistedMesh {
+        /// The object.
+        name: String,
+        /// Ends of the edge, in the axes of the mesh \[m\].
+        edge: [[f64; 3]; 2],
+    },
     /// Triangles that move.
     #[error(
         "{name}: it moves, and cannot touch by its triangles; cut it into convex parts, such as collision = {{ parts = 16 }}, or \

@@ -60,7 +60,8 @@ pub enum MeshCollision {
     /// Convex parts that together cover it, at most so many (1 to 64), of at most 64 corners each. They are up to a 64th of its longest side
     /// larger than the mesh.
     Parts(#[schemars(range(min = 1, max = 64))] usize),
-    /// Its triangles, solid behind: exact. For objects that are fixed.
+    /// Its triangles, solid behind: exact. For objects that are fixed. They face outward where they enclose a volume, whichever way the
+    /// file has them; an open surface touches what is on the side that its triangles face, from which they run counter-clockwise.
     Triangles,
 }
 
@@ -146,13 +147,19 @@ impl MeshShape {
         if flat && self.collision != MeshCollision::Triangles {
             return Err(WorldError::FlatMesh { name: owner.to_owned() });
         }
+        if self.collision == MeshCollision::Triangles
+            && let Some(edge) = body.mesh.twisted_edge()
+        {
+            let name = owner.to_owned();
+            return Err(WorldError::TwistedMesh { name, edge: edge.map(Into::into) });
+        }
         Ok(())
     }
 }
 
 impl MeshBody {
     fn new(mesh: TriangleMesh, visual: Option<TriangleMesh>, collision: MeshCollision) -> Self {
-        let mesh = mesh.welded();
+        let mesh = mesh.welded().facing_outward();
         let closed = if mesh.is_closed() { mesh.volume_properties() } else { None };
         let of_hull = || mesh.hull(usize::MAX).and_then(|hull| hull.volume_properties());
         let properties = closed.or_else(of_hull);

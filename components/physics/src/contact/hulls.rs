@@ -50,7 +50,7 @@ impl Collider {
 pub(super) struct Faces<'a>(&'a [(Vector3<f64>, f64)]);
 
 impl<'a> Faces<'a> {
-    /// Those of a box, a hull, or a prism around a cylinder that is turned towards the segment between `ends`; of other shapes none.
+    /// Those of a box, a hull beside meshes that touch by their triangles, or a prism around a cylinder that is turned towards the segment between `ends`; of other shapes none.
     pub(super) fn of(
         collider: &'a Collider,
         ends: &[Vector3<f64>; 2],
@@ -80,7 +80,7 @@ impl<'a> Faces<'a> {
                 room[9] = (-Vector3::z(), *half_length);
                 Self(&room[..])
             }
-            _ => Self(&collider.faces),
+            _ => Self(&collider.sides),
         }
     }
 

@@ -21,6 +21,7 @@ mod gait;
 mod grain;
 mod integrator;
 mod legged;
+mod mesh_slopes;
 mod meshes;
 mod midpoint;
 mod mujoco;
