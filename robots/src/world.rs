@@ -28,6 +28,7 @@ pub struct World {
     /// A file that holds a world: MJCF, URDF or SDF. Its gravity, ground and objects are those of the world, to which the keys
     /// beside it add; gravity that they state wins. A relative path begins at the folder of the graph. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("format" = "path"))]
     pub file: Option<PathBuf>,
     /// Acceleration of free fall (m/s2).
     pub gravity: [f64; 3],

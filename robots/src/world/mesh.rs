@@ -35,6 +35,7 @@ const MOST_PARTS: usize = 64;
 #[serde(deny_unknown_fields)]
 pub struct MeshShape {
     /// File of the mesh: `.stl`, `.obj` or `.dae`. A relative path begins at the folder of the graph.
+    #[schemars(extend("format" = "path"))]
     pub file: PathBuf,
     /// Scale along x, y and z. Default 1: the file is in metres.
     #[serde(default = "unscaled")]
@@ -44,6 +45,7 @@ pub struct MeshShape {
     pub collision: MeshCollision,
     /// Another file that is drawn instead, scaled alike. Default: the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("format" = "path"))]
     pub visual: Option<PathBuf>,
     /// What has been read, once for all copies.
     #[serde(skip)]

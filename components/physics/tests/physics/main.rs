@@ -45,6 +45,7 @@ mod surfaces;
 mod terrain;
 mod truth;
 mod world_file;
+mod world_paths;
 
 use motorium::telemetry::CountingAllocator;
 
