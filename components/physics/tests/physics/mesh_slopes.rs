@@ -122,6 +122,36 @@ fn triangles_that_face_opposite_sides_are_refused_by_the_name_of_the_object() {
     of(MeshCollision::Hull).check(std::iter::empty()).unwrap();
 }
 
+/// A floor whose height along x is that of the points (x, z), from y = -1 to 1.
+fn profile(points: &[[f64; 2]]) -> TriangleMesh {
+    let corner = |[x, z]: &[f64; 2]| [Vector3::new(*x, -1.0, *z), Vector3::new(*x, 1.0, *z)];
+    let points: Vec<Vector3<f64>> = points.iter().flat_map(corner).collect();
+    let strips = 0..points.len() as u32 / 2 - 1;
+    let triangles = strips.flat_map(|strip| {
+        let [a, d, b, c] = [0, 1, 2, 3].map(|corner| 2 * strip + corner);
+        [[a, b, c], [a, c, d]]
+    });
+    TriangleMesh { triangles: triangles.collect(), points }
+}
+
+#[test]
+fn a_box_behind_a_low_curb_stands_on_the_lower_ground_there() {
+    let points = [[-1.0, 0.0], [0.0, 0.0], [0.0, 0.005], [0.01, 0.005], [0.01, -0.02], [1.0, -0.02]];
+    let street = mesh("street", profile(&points), MeshCollision::Triangles);
+    let block = Object {
+        name: "block".to_owned(),
+        shape: ObjectShape::Box { size: [0.1; 3] },
+        mass: Some(1.0),
+        position: [0.065, 0.02, 0.0305],
+        ..Object::default()
+    };
+    let mut simulation =
+        simulate(Engine::Articulated, World { objects: vec![street, block], ..World::default() });
+    run(&mut *simulation, 0.5);
+    let at = pose(&*simulation, "block").translation.vector;
+    assert!((at - Vector3::new(0.065, 0.02, 0.03)).norm() < 1e-3, "{at}");
+}
+
 #[test]
 fn a_mesh_far_away_changes_no_bit_of_a_hull_that_falls_on_others() {
     let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("hull_of_a_link.obj");

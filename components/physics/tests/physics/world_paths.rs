@@ -24,7 +24,7 @@ subscribe = { joint_command = "one/joint_command" }
 
 [component.driver]
 kind = "test.driver"
-robot = "one"
+trigger = "one/joint_state"
 config = { offset = 0.1, until = 0, stiffness = 1.0 }
 subscribe = { state = "one/joint_state" }
 publish = { command = "one/joint_command" }
