@@ -163,9 +163,12 @@ appearance = { colours = { shed = [0.5, 0.2, 0.1] } }
     world.check(std::iter::empty()).unwrap();
     assert_eq!((world.gravity[2], world.objects.len()), (-3.7, 4));
     assert_eq!(world.objects[3].name, "ball");
-    let mut world: World = toml::from_str("file = \"yard.xml\"\ngravity = [0.0, 0.0, -1.6]").unwrap();
-    world.locate(folder.path()).unwrap();
-    assert_eq!(world.gravity[2], -1.6);
+    for stated in [-1.6, -9.81] {
+        let text = format!("file = \"yard.xml\"\ngravity = [0.0, 0.0, {stated}]");
+        let mut world: World = toml::from_str(&text).unwrap();
+        world.locate(folder.path()).unwrap();
+        assert_eq!(world.gravity[2], stated);
+    }
 }
 
 #[test]
