@@ -242,7 +242,10 @@ fn what_sdf_states_about_motion_is_taken_over_or_told() {
     assert_eq!(warned("<inertial>", usual).1, Vec::<String>::new());
     let (world, told) = warned("<mass>", "<pose>0 0 0.1 0 0 0</pose><inertia><ixx>1</ixx></inertia><mass>");
     assert_eq!(world.objects[0].mass, Some(3.0));
-    assert!(told.iter().any(|told| told.contains("<pose> of <inertial>") && told.contains("line 5")), "{told:?}");
+    assert!(
+        told.iter().any(|told| told.contains("<pose> of <inertial>") && told.contains("line 5")),
+        "{told:?}"
+    );
     assert!(told.iter().any(|told| told.contains("<inertia> of <inertial>")), "{told:?}");
     for yes in ["true", "1"] {
         let turned = format!("<pose degrees=\"{yes}\">1 0 0.25 0 0 90<");

@@ -210,11 +210,7 @@ impl Reader<'_> {
     }
 
     /// The mass of a link that moves. Warns of a centre or an inertia that differ from those of its shape.
-    fn mass(
-        &mut self,
-        inertial: Node<'_, '_>,
-        link: Node<'_, '_>,
-    ) -> Result<Option<f64>, WorldFileError> {
+    fn mass(&mut self, inertial: Node<'_, '_>, link: Node<'_, '_>) -> Result<Option<f64>, WorldFileError> {
         if let Some(inertia) = child(inertial, "inertia") {
             self.ignore(
                 inertia,

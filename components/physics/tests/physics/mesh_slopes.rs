@@ -101,8 +101,7 @@ fn a_mesh_that_is_inside_out_carries_what_falls_on_it() {
         for mesh_of in [trough(), table()] {
             for turned in [false, true] {
                 let solid = if turned { inside_out(mesh_of.clone()) } else { mesh_of.clone() };
-                let objects =
-                    vec![mesh("solid", solid, MeshCollision::Triangles), ball([0.03, 0.02, 0.25])];
+                let objects = vec![mesh("solid", solid, MeshCollision::Triangles), ball([0.03, 0.02, 0.25])];
                 let mut simulation = simulate(engine, World { objects, ..World::default() });
                 run(&mut *simulation, 0.8);
                 let height = pose(&*simulation, "ball").translation.z;
@@ -116,7 +115,8 @@ fn a_mesh_that_is_inside_out_carries_what_falls_on_it() {
 fn triangles_that_face_opposite_sides_are_refused_by_the_name_of_the_object() {
     let mut twisted = box_between([0.0; 3], [1.0; 3]);
     twisted.triangles[4].swap(1, 2);
-    let of = |collision| World { objects: vec![mesh("crate", twisted.clone(), collision)], ..World::default() };
+    let of =
+        |collision| World { objects: vec![mesh("crate", twisted.clone(), collision)], ..World::default() };
     let refused = Engine::Articulated.refuse(of(MeshCollision::Triangles));
     assert!(refused.contains("crate") && refused.contains("opposite sides"), "{refused}");
     of(MeshCollision::Hull).check(std::iter::empty()).unwrap();
@@ -173,8 +173,7 @@ fn a_mesh_far_away_changes_no_bit_of_a_hull_that_falls_on_others() {
         let objects: Vec<Object> = [one, two].into_iter().chain(far).collect();
         let world = World { ground: Some(Ground::default()), objects, ..World::default() };
         let start = [0.02, 0.0, 0.4, 0.0, 0.0, 0.0, 1.0];
-        let mut simulation =
-            Engine::Articulated.simulate(body(&link), world, &start, Options::default());
+        let mut simulation = Engine::Articulated.simulate(body(&link), world, &start, Options::default());
         let mut touches = 0;
         for _ in 0..800 {
             simulation.step(1e-3).unwrap();

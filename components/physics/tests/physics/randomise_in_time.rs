@@ -60,10 +60,7 @@ fn what_no_actuator_has_is_no_range() {
             "randomise.actuator.backlash",
         ),
         ("randomise.actuator.gain = [-0.5, 1.5]", "randomise.actuator.gain"),
-        (
-            "actuator = { delay = \"5 s\" }\nrandomise.actuator.delay = [1.0, 3.0]",
-            "randomise.actuator.delay",
-        ),
+        ("actuator = { delay = \"5 s\" }\nrandomise.actuator.delay = [1.0, 3.0]", "randomise.actuator.delay"),
         ("randomise = { every = \"1 s\", start = [-0.1, 0.1] }", "randomise.every"),
         ("randomise = { every = \"0 s\", gravity = [0.9, 1.1] }", "randomise.every"),
     ] {

@@ -57,7 +57,9 @@ objects = [{ name = "rock", position = [1.0, 0.0, 3.0], shape = { mesh = { file 
     let plan = check().unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
     let world = &plan.components[0].config["world"];
     let mesh = &world["objects"][0]["shape"]["mesh"];
-    for (found, name) in [(&world["file"], "slab.sdf"), (&mesh["file"], "rock.obj"), (&mesh["visual"], "drawn.obj")] {
+    for (found, name) in
+        [(&world["file"], "slab.sdf"), (&mesh["file"], "rock.obj"), (&mesh["visual"], "drawn.obj")]
+    {
         let found = Path::new(found.as_str().unwrap());
         assert_eq!(found.canonicalize().unwrap(), folder.join("own").join(name).canonicalize().unwrap());
     }
