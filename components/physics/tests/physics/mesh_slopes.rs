@@ -69,7 +69,7 @@ fn a_cylinder_rolls_down_a_sloping_terrain_as_the_closed_form_says() {
 #[test]
 fn an_upright_cylinder_touches_a_wall_with_its_outermost_line_wherever_that_is() {
     for yaw in [0.0, 0.3, core::f64::consts::FRAC_PI_4] {
-        let wall = mesh("wall", box_between([0.3, -1.0, 0.0], [0.5, 1.0, 0.4]), MeshCollision::Triangles);
+        let wall = mesh("wall", box_between([0.3, -1.0, -0.1], [0.5, 1.0, 0.4]), MeshCollision::Triangles);
         let flat = mesh("floor", floor(|_, _| 0.0), MeshCollision::Triangles);
         let can = Object {
             position: [0.2, 0.03, 0.06],
