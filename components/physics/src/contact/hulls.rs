@@ -72,9 +72,9 @@ impl<'a> Faces<'a> {
                 let at = if square > 0.0 { (-level.dot(&across) / square).clamp(0.0, 1.0) } else { 0.0 };
                 let near = level + across * at;
                 let start = if near.norm() > 1e-9 { near.y.atan2(near.x) } else { 0.0 };
-                for side in 0..8 {
+                for (side, plane) in room.iter_mut().take(8).enumerate() {
                     let (sin, cos) = (start + core::f64::consts::FRAC_PI_4 * side as f64).sin_cos();
-                    room[side] = (Vector3::new(cos, sin, 0.0), *radius);
+                    *plane = (Vector3::new(cos, sin, 0.0), *radius);
                 }
                 room[8] = (Vector3::z(), *half_length);
                 room[9] = (-Vector3::z(), *half_length);
