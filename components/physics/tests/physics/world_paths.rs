@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use motorium::graph::{Machine, load};
+use motorium::graph::load;
 
 use crate::component::registry;
 use crate::meshes::box_between;
@@ -53,7 +53,7 @@ objects = [{ name = "rock", position = [1.0, 0.0, 3.0], shape = { mesh = { file 
 "#;
     let path = folder.join("own/graph.toml");
     std::fs::write(&path, own).unwrap();
-    let check = || load(&path, &[], &registry(), &Machine::detect());
+    let check = || load(&path, &[], &registry());
     let plan = check().unwrap_or_else(|error| panic!("{}", error.render(false))).plan;
     let world = &plan.components[0].config["world"];
     let mesh = &world["objects"][0]["shape"]["mesh"];
