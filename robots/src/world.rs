@@ -5,12 +5,13 @@ mod file;
 mod mesh;
 mod sdf;
 mod surface;
+mod table;
 mod things;
 
 use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::nearest::suggestion;
 use crate::{Appearance, HeightField, MeshError, ModelWarning, Terrain, TerrainError};
@@ -22,15 +23,19 @@ pub use things::{Conveyor, Ground, Object, ObjectMass, ObjectShape};
 
 /// Gravity, air, a ground, simple objects and their looks. Lengths in metres, angles in radians, masses in kilograms; poses in the
 /// world, which is the base frame of the robot, z up.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct World {
     /// A file that holds a world: MJCF, URDF or SDF. Its gravity, ground and objects are those of the world, to which the keys
     /// beside it add; gravity that they state wins. A relative path begins at the folder of the graph. Default: none.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("format" = "path"))]
     pub file: Option<PathBuf>,
     /// Acceleration of free fall (m/s2).
     pub gravity: [f64; 3],
+    /// True where `gravity` was written: it wins against that of a `file` then, also where it is Earth's.
+    #[serde(skip)]
+    pub states_gravity: bool,
     /// Velocity of the air (m/s). It pushes objects that have a `drag`. Default: it stands still.
     pub wind: [f64; 3],
     /// Density of the air (kg/m3). Default 1.225, that at sea level and 15 degrees Celsius.
@@ -56,6 +61,7 @@ impl Default for World {
         Self {
             file: None,
             gravity: EARTH,
+            states_gravity: false,
             wind: [0.0; 3],
             air_density: 1.225,
             ground: None,
@@ -99,6 +105,18 @@ pub enum WorldError {
     FlatMesh {
         /// The object.
         name: String,
+    },
+    /// Neighbouring triangles that face opposite sides.
+    #[error(
+        "{name}: the triangles at the edge from {:?} to {:?} of its mesh face opposite sides, so that nobody knows which side is \
+         solid; let all face outward (a mesh editor recalculates normals), or let it touch by convex parts, such as \
+         collision = {{ parts = 16 }}", .edge[0], .edge[1]
+    )]
+    TwistedMesh {
+        /// The object.
+        name: String,
+        /// Ends of the edge, in the axes of the mesh \[m\].
+        edge: [[f64; 3]; 2],
     },
     /// Triangles that move.
     #[error(

@@ -163,9 +163,12 @@ appearance = { colours = { shed = [0.5, 0.2, 0.1] } }
     world.check(std::iter::empty()).unwrap();
     assert_eq!((world.gravity[2], world.objects.len()), (-3.7, 4));
     assert_eq!(world.objects[3].name, "ball");
-    let mut world: World = toml::from_str("file = \"yard.xml\"\ngravity = [0.0, 0.0, -1.6]").unwrap();
-    world.locate(folder.path()).unwrap();
-    assert_eq!(world.gravity[2], -1.6);
+    for stated in [-1.6, -9.81] {
+        let text = format!("file = \"yard.xml\"\ngravity = [0.0, 0.0, {stated}]");
+        let mut world: World = toml::from_str(&text).unwrap();
+        world.locate(folder.path()).unwrap();
+        assert_eq!(world.gravity[2], stated);
+    }
 }
 
 #[test]
@@ -210,12 +213,46 @@ fn a_world_of_sdf_has_its_planes_and_models_and_refuses_robots_with_their_place(
         ("<visual name=\"v\"/></link>", "</link><joint name=\"j\"/>", "model \"crate\" has a joint"),
         ("<gravity>", "<include/><gravity>", "<include> is not read"),
         ("<box><size>0.5 0.5 0.5</size></box>", "<heightmap/>", "<heightmap> is not among the SDF read here"),
+        ("<inertial>", "<gravity>false</gravity><inertial>", "w.sdf:5:65: <gravity> is \"false\""),
+        ("<inertial>", "<kinematic>1</kinematic><inertial>", "w.sdf:5:65: <kinematic> is \"1\""),
+        (
+            "<box><size>0.5 0.5 0.5</size></box>",
+            "<mesh><uri>a.obj</uri><submesh><name>b</name></submesh></mesh>",
+            "a part of a mesh is not read",
+        ),
     ] {
         let refused = of_file("w.sdf", &SDF.replacen(old, new, 1)).unwrap_err().to_string();
         assert!(refused.contains(expected), "{refused}");
     }
     let refused = of_file("w.xml", "<tree/>");
     assert!(matches!(refused, Err(WorldError::File(WorldFileError::Format { .. }))), "{refused:?}");
+}
+
+#[test]
+fn what_sdf_states_about_motion_is_taken_over_or_told() {
+    let warned = |old: &str, new: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        let text = SDF.replacen(old, new, 1);
+        std::fs::write(folder.path().join("w.sdf"), text).unwrap();
+        let mut world: World = toml::from_str("file = \"w.sdf\"").unwrap();
+        let warnings = world.locate(folder.path()).unwrap();
+        (world, warnings.iter().map(ToString::to_string).collect::<Vec<_>>())
+    };
+    let usual = "<gravity>true</gravity><kinematic>false</kinematic><inertial><pose>0 0 0 0 0 0</pose>";
+    assert_eq!(warned("<inertial>", usual).1, Vec::<String>::new());
+    let (world, told) = warned("<mass>", "<pose>0 0 0.1 0 0 0</pose><inertia><ixx>1</ixx></inertia><mass>");
+    assert_eq!(world.objects[0].mass, Some(3.0));
+    assert!(
+        told.iter().any(|told| told.contains("<pose> of <inertial>") && told.contains("line 5")),
+        "{told:?}"
+    );
+    assert!(told.iter().any(|told| told.contains("<inertia> of <inertial>")), "{told:?}");
+    for yes in ["true", "1"] {
+        let turned = format!("<pose degrees=\"{yes}\">1 0 0.25 0 0 90<");
+        let (world, _) = warned("<pose>1 0 0.25 0 0 0.5<", &turned);
+        let yaw = world.objects[0].rpy[2];
+        assert!((yaw - core::f64::consts::FRAC_PI_2).abs() < 1e-12, "{yaw}");
+    }
 }
 
 #[test]

@@ -101,10 +101,15 @@ impl<E: Engine> Simulation<E> {
         let level = World { terrain: None, objects, appearance, ..properties.world.clone() };
         self.check_properties(properties, &level)?;
         let world = World { gravity: properties.world.gravity, ..self.world.clone() };
+        let others = self.engine.surfaces() != properties.surfaces;
         let state = self.engine.save();
         self.take_over(properties, &world)?;
         // An engine that is compiled anew has forgotten how it moves.
         self.engine.restore(&self.robot, &state);
+        if others {
+            // What friction held asleep may slide now.
+            self.engine.wake();
+        }
         self.world = world;
         self.engine.set_actuators(&properties.actuators)?;
         Ok(())
@@ -132,6 +137,7 @@ impl<E: Engine> Simulation<E> {
         if let Some(surface) = surfaces.iter().find(|surface| !sound(surface)) {
             return Err(ResetError::Surface(surface.clone()));
         }
+        properties.actuators.iter().flatten().flatten().try_for_each(ActuatorSettings::check)?;
         Ok(())
     }
 

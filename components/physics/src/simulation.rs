@@ -105,6 +105,9 @@ pub trait Engine: Sized {
     /// not fit.
     fn restore(&mut self, robot: &Robot, state: &Self::State) -> bool;
 
+    /// Wakes all objects that sleep.
+    fn wake(&mut self) {}
+
     /// The first surface along a ray as `robot` stands: see [`Simulator::cast_ray`].
     fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>>;
 

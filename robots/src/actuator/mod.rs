@@ -222,6 +222,11 @@ impl Actuator {
         Ok(())
     }
 
+    /// Takes over effort, heat and motor of another; effort limit and settings stay as they are.
+    pub fn resume(&mut self, other: &Self) {
+        (self.effort, self.heat, self.motor) = (other.effort, other.heat, other.motor);
+    }
+
     /// Goes back to rest: no effort, cold, the motor where the joint will be.
     pub fn reset(&mut self) {
         (self.effort, self.heat, self.motor) = (0.0, 0.0, None);

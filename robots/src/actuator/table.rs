@@ -94,6 +94,7 @@ pub struct DrivetrainTable {
 pub struct NetworkTable<T> {
     /// The file; a relative path begins at the graph's folder. Its tensors `0.weight`, `0.bias`, `2.weight` and so on are those of a
     /// `torch.nn.Sequential`.
+    #[schemars(extend("format" = "path"))]
     pub file: String,
     /// Function between the layers. Default `softsign`.
     #[serde(default)]

@@ -16,8 +16,8 @@ pub struct SurfaceTriangle {
     pub corners: [Point3<f64>; 3],
     /// Outward unit normal.
     pub normal: Vector3<f64>,
-    /// Per side, the first from the first corner to the second: its neighbour there rises above its plane.
-    pub valley: [bool; 3],
+    /// Per side, the first from the first corner to the second: how far its neighbour there rises above its plane \[m\], 0 where it does not.
+    pub valley: [f64; 3],
 }
 
 /// A side of triangles that sticks out: a ridge between two triangles, or the rim of an open surface.
@@ -74,7 +74,7 @@ impl TriangleSurface {
             let Some(normal) = normal_of(*triangle) else { continue };
             let corners = triangle.map(|index| Point3::from(at(index)));
             kept.push(*triangle);
-            triangles.push(SurfaceTriangle { corners, normal, valley: [false; 3] });
+            triangles.push(SurfaceTriangle { corners, normal, valley: [0.0; 3] });
         }
         // Both triangles of each side: index, number of the side.
         let mut sides: HashMap<(u32, u32), Vec<(usize, usize)>> = HashMap::new();
@@ -107,8 +107,9 @@ impl TriangleSurface {
                         continue;
                     }
                     if rise > 0.0 && !folded {
-                        triangles[one].valley[side] = true;
-                        triangles[two].valley[other] = true;
+                        let apex = triangles[one].corners[(side + 2) % 3];
+                        triangles[one].valley[side] = rise;
+                        triangles[two].valley[other] = normals[1].dot(&(apex - ends[0])).max(0.0);
                     } else {
                         edges.push(SurfaceEdge { ends, normals });
                     }
@@ -221,13 +222,15 @@ impl SurfaceTriangle {
         Point3::from(Vector3::from(nearest_on_triangle(point.coords.into(), corners)))
     }
 
-    /// True where `point` stands over the triangle, or no farther than `slack` \[m\] over a valley at one of its sides.
+    /// True where `point` stands over the triangle, or beyond a side of it in a valley: no farther than `slack` \[m\] and than the neighbour
+    /// rises there, since what is farther may have passed over the neighbour.
     pub fn is_below(&self, point: &Point3<f64>, slack: f64) -> bool {
         (0..3).all(|side| {
             let (start, end) = (self.corners[side], self.corners[(side + 1) % 3]);
             let inward = self.normal.cross(&(end - start));
             let inside = inward.dot(&(point - start));
-            let least = if self.valley[side] { -slack } else { -1e-9 };
+            let rise = self.valley[side];
+            let least = if rise > 0.0 { -slack.min(rise) } else { -1e-9 };
             inside >= least * inward.norm()
         })
     }

@@ -26,6 +26,7 @@ pub enum TerrainLayer {
     /// pixels the height is interpolated, beyond them it goes on as at the edge.
     Image {
         /// The file; a relative path begins at the folder of the graph.
+        #[schemars(extend("format" = "path"))]
         file: String,
         /// Heights of black and of white (m).
         height: [f64; 2],

@@ -61,10 +61,10 @@ pub(super) struct Read {
 }
 
 impl World {
-    /// Adds the ground and the objects of a file, before its own; and its gravity where this world has that of Earth.
+    /// Adds the ground and the objects of a file, before its own; and its gravity where this world states none.
     pub(super) fn add_file(&mut self, path: &Path) -> Result<Vec<ModelWarning>, WorldFileError> {
         let Read { world, states_gravity, warnings } = read(path)?;
-        if states_gravity && self.gravity == EARTH {
+        if states_gravity && !self.states_gravity && self.gravity == EARTH {
             self.gravity = world.gravity;
         }
         if self.wind == [0.0; 3] {

@@ -35,6 +35,7 @@ const MOST_PARTS: usize = 64;
 #[serde(deny_unknown_fields)]
 pub struct MeshShape {
     /// File of the mesh: `.stl`, `.obj` or `.dae`. A relative path begins at the folder of the graph.
+    #[schemars(extend("format" = "path"))]
     pub file: PathBuf,
     /// Scale along x, y and z. Default 1: the file is in metres.
     #[serde(default = "unscaled")]
@@ -44,6 +45,7 @@ pub struct MeshShape {
     pub collision: MeshCollision,
     /// Another file that is drawn instead, scaled alike. Default: the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("format" = "path"))]
     pub visual: Option<PathBuf>,
     /// What has been read, once for all copies.
     #[serde(skip)]
@@ -60,7 +62,8 @@ pub enum MeshCollision {
     /// Convex parts that together cover it, at most so many (1 to 64), of at most 64 corners each. They are up to a 64th of its longest side
     /// larger than the mesh.
     Parts(#[schemars(range(min = 1, max = 64))] usize),
-    /// Its triangles, solid behind: exact. For objects that are fixed.
+    /// Its triangles, solid behind: exact. For objects that are fixed. They face outward where they enclose a volume, whichever way the
+    /// file has them; an open surface touches what is on the side that its triangles face, from which they run counter-clockwise.
     Triangles,
 }
 
@@ -146,13 +149,19 @@ impl MeshShape {
         if flat && self.collision != MeshCollision::Triangles {
             return Err(WorldError::FlatMesh { name: owner.to_owned() });
         }
+        if self.collision == MeshCollision::Triangles
+            && let Some(edge) = body.mesh.twisted_edge()
+        {
+            let name = owner.to_owned();
+            return Err(WorldError::TwistedMesh { name, edge: edge.map(Into::into) });
+        }
         Ok(())
     }
 }
 
 impl MeshBody {
     fn new(mesh: TriangleMesh, visual: Option<TriangleMesh>, collision: MeshCollision) -> Self {
-        let mesh = mesh.welded();
+        let mesh = mesh.welded().facing_outward();
         let closed = if mesh.is_closed() { mesh.volume_properties() } else { None };
         let of_hull = || mesh.hull(usize::MAX).and_then(|hull| hull.volume_properties());
         let properties = closed.or_else(of_hull);

@@ -7,9 +7,10 @@ use roxmltree::{Document, Node};
 
 use super::file::{Read, WorldFileError, fixed, mesh, problem, unique};
 use super::{Ground, Object, ObjectShape, World};
+use crate::{ModelWarning, Position};
 
 /// Elements without effect on what is read.
-const SKIPPED: [&str; 16] = [
+const SKIPPED: [&str; 15] = [
     "scene",
     "light",
     "gui",
@@ -25,7 +26,6 @@ const SKIPPED: [&str; 16] = [
     "enable_wind",
     "allow_auto_disable",
     "velocity_decay",
-    "kinematic",
 ];
 
 /// Thickness of the box that stands for a plane with an end \[m\].
@@ -35,7 +35,7 @@ const THICK: f64 = 0.1;
 pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFileError> {
     let root = document.root_element();
     let around = root.children().find(|node| node.has_tag_name("world")).unwrap_or(root);
-    let mut reader = Reader { path, world: World::default(), states_gravity: false };
+    let mut reader = Reader { path, world: World::default(), states_gravity: false, warnings: Vec::new() };
     for node in around.children().filter(Node::is_element) {
         match node.tag_name().name() {
             "gravity" => {
@@ -55,14 +55,20 @@ pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFi
             name => return Err(reader.unread(node, name)),
         }
     }
-    let Reader { world, states_gravity, .. } = reader;
-    Ok(Read { world, states_gravity, warnings: Vec::new() })
+    let Reader { world, states_gravity, warnings, .. } = reader;
+    Ok(Read { world, states_gravity, warnings })
 }
 
 struct Reader<'p> {
     path: &'p Path,
     world: World,
     states_gravity: bool,
+    warnings: Vec<ModelWarning>,
+}
+
+/// True for a value that says so.
+fn is_true(value: &str) -> bool {
+    matches!(value.trim(), "true" | "1")
 }
 
 fn child<'a, 'i>(node: Node<'a, 'i>, name: &str) -> Option<Node<'a, 'i>> {
@@ -112,7 +118,7 @@ impl Reader<'_> {
             ));
         }
         let [x, y, z, mut roll, mut pitch, mut yaw] = self.numbers(pose)?;
-        if pose.attribute("degrees") == Some("true") {
+        if pose.attribute("degrees").is_some_and(is_true) {
             [roll, pitch, yaw] = [roll, pitch, yaw].map(f64::to_radians);
         }
         Ok(Isometry3::from_parts(
@@ -123,9 +129,7 @@ impl Reader<'_> {
 
     fn model(&mut self, model: Node<'_, '_>) -> Result<(), WorldFileError> {
         let pose = self.pose(model)?;
-        let is_static = child(model, "static")
-            .and_then(|node| node.text())
-            .is_some_and(|text| matches!(text.trim(), "true" | "1"));
+        let is_static = child(model, "static").and_then(|node| node.text()).is_some_and(is_true);
         let name = model.attribute("name").unwrap_or("model");
         let links = || model.children().filter(|node| node.has_tag_name("link"));
         for node in model.children().filter(Node::is_element) {
@@ -170,8 +174,10 @@ impl Reader<'_> {
         let mut mass = None;
         for node in link.children().filter(Node::is_element) {
             match node.tag_name().name() {
-                "pose" | "gravity" => {}
-                "inertial" => mass = child(node, "mass").map(|_| self.number(node, "mass")).transpose()?,
+                "pose" => {}
+                "gravity" | "kinematic" => self.check_motion(node, moves)?,
+                "inertial" if moves => mass = self.mass(node, link)?,
+                "inertial" => {}
                 "collision" => found += 1,
                 name if SKIPPED.contains(&name) => {}
                 name => return Err(self.unread(node, name)),
@@ -187,6 +193,60 @@ impl Reader<'_> {
             self.collision(collision, model, pose, moves.then(|| mass.unwrap_or(1.0)))?;
         }
         Ok(())
+    }
+
+    /// Refuses a link that moves otherwise than free bodies do.
+    fn check_motion(&self, node: Node<'_, '_>, moves: bool) -> Result<(), WorldFileError> {
+        let stated = node.text().unwrap_or("");
+        let name = node.tag_name().name();
+        if moves && is_true(stated) != (name == "gravity") {
+            let text = format!(
+                "<{name}> is \"{}\": an object that moves is free, and gravity pulls it; make its model <static>",
+                stated.trim()
+            );
+            return Err(problem(self.path, node, text));
+        }
+        Ok(())
+    }
+
+    /// The mass of a link that moves. Warns of a centre or an inertia that differ from those of its shape.
+    fn mass(&mut self, inertial: Node<'_, '_>, link: Node<'_, '_>) -> Result<Option<f64>, WorldFileError> {
+        if let Some(inertia) = child(inertial, "inertia") {
+            self.ignore(
+                inertia,
+                "<inertia> of <inertial>",
+                "an object has the inertia of its shape, of one density",
+            );
+        }
+        if let Some(pose) = child(inertial, "pose") {
+            let centre = self.pose(inertial)?.translation.vector;
+            let collision = child(link, "collision");
+            let shape = collision.map_or_else(|| Ok(Isometry3::identity()), |node| self.pose(node))?;
+            if (centre - shape.translation.vector).norm() > 1e-6 {
+                self.ignore(
+                    pose,
+                    "<pose> of <inertial>",
+                    "an object has the centre of mass of its shape, of one density",
+                );
+            }
+        }
+        child(inertial, "mass").map(|_| self.number(inertial, "mass")).transpose()
+    }
+
+    /// Warns of something that is not taken over, once in a file.
+    fn ignore(&mut self, node: Node<'_, '_>, element: &str, because: &'static str) {
+        for warning in &mut self.warnings {
+            if let ModelWarning::Ignored { what, count, .. } = warning
+                && what == element
+            {
+                *count += 1;
+                return;
+            }
+        }
+        let at = node.document().text_pos_at(node.range().start);
+        let at = Position { line: at.row, column: at.col };
+        let what = element.to_owned();
+        self.warnings.push(ModelWarning::Ignored { what, at, count: 1, reason: because });
     }
 
     fn collision(
@@ -238,6 +298,10 @@ impl Reader<'_> {
     fn mesh(&self, geometry: Node<'_, '_>) -> Result<ObjectShape, WorldFileError> {
         let uri =
             child(geometry, "uri").ok_or_else(|| problem(self.path, geometry, "<mesh> without a <uri>"))?;
+        if let Some(part) = child(geometry, "submesh") {
+            let text = "a part of a mesh is not read; write the part into a file of its own";
+            return Err(problem(self.path, part, text));
+        }
         let name = uri.text().unwrap_or("").trim();
         let name = name.strip_prefix("file://").unwrap_or(name);
         if name.contains("://") {

@@ -198,12 +198,14 @@ impl Actuators {
         ActuatorsState(self.joints.iter().map(saved).collect())
     }
 
-    /// Goes back to a saved state; `false` where it is that of other actuators.
+    /// Goes back to a saved state; `false` where it is that of other actuators. Effort limits and settings stay: they are no state.
     pub(super) fn restore(&mut self, state: &ActuatorsState) -> bool {
         let fits = state.0.len() == self.joints.len();
         if fits {
             for (driven, (now, delay, network)) in self.joints.iter_mut().zip(&state.0) {
-                (driven.now, driven.delay, driven.network) = (*now, delay.clone(), network.clone());
+                driven.now.resume(now);
+                (driven.delay, driven.network) = (delay.clone(), network.clone());
+                driven.delay.set_delay(driven.settings.delay);
             }
         }
         fits

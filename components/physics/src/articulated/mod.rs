@@ -258,6 +258,10 @@ impl Engine for Articulated {
         true
     }
 
+    fn wake(&mut self) {
+        self.scene.objects.wake();
+    }
+
     fn cast_ray(&self, robot: &Robot, ray: (&Point3<f64>, &Unit<Vector3<f64>>, f64)) -> Option<RayHit<'_>> {
         self.rays.cast(self.scene.colliders(), (robot, |index| self.object_pose(index)), ray)
     }

@@ -69,6 +69,8 @@ pub(crate) struct Collider {
     pub(crate) surface: Option<Arc<TriangleSurface>>,
     /// Planes of the faces of the hull of an object: outward normal, and height along it \[m\].
     pub(crate) faces: Vec<(Vector3<f64>, f64)>,
+    /// The same of any hull, for edges of meshes; none where no mesh touches by its triangles.
+    pub(crate) sides: Vec<(Vector3<f64>, f64)>,
     pub(crate) friction: f64,
     /// Coefficients of torsional and of rolling friction \[m\].
     pub(crate) torsional: f64,
@@ -232,6 +234,7 @@ impl Colliders {
                     name: model.link(index).to_owned(),
                     owner,
                     faces: if part.is_some() && surface.is_none() { shape.faces() } else { Vec::new() },
+                    sides: Vec::new(),
                     shape,
                     placement: match (owner, axes) {
                         (Owner::Object(_), Some(axes)) => axes.inv_mul(&in_object()),
@@ -254,7 +257,7 @@ impl Colliders {
         // Where a mesh touches by its triangles, its edges meet the faces of hulls.
         if colliders.iter().any(|collider| collider.surface.is_some()) {
             for collider in colliders.iter_mut().filter(|collider| collider.surface.is_none()) {
-                collider.faces = collider.shape.faces();
+                collider.sides = collider.shape.faces();
             }
         }
         // Colliders of one owner, and two that never move, need no check.
@@ -280,6 +283,7 @@ impl Colliders {
                 part: None,
                 surface: None,
                 faces: Vec::new(),
+                sides: Vec::new(),
                 friction: terrain.friction,
                 torsional: terrain.torsional_friction,
                 rolling: terrain.rolling_friction,

@@ -50,7 +50,7 @@ impl Collider {
 pub(super) struct Faces<'a>(&'a [(Vector3<f64>, f64)]);
 
 impl<'a> Faces<'a> {
-    /// Those of a box, a hull, or a prism around a cylinder that is turned towards the segment between `ends`; of other shapes none.
+    /// Those of a box, a hull beside meshes that touch by their triangles, or a prism around a cylinder that is turned towards the segment between `ends`; of other shapes none.
     pub(super) fn of(
         collider: &'a Collider,
         ends: &[Vector3<f64>; 2],
@@ -72,15 +72,15 @@ impl<'a> Faces<'a> {
                 let at = if square > 0.0 { (-level.dot(&across) / square).clamp(0.0, 1.0) } else { 0.0 };
                 let near = level + across * at;
                 let start = if near.norm() > 1e-9 { near.y.atan2(near.x) } else { 0.0 };
-                for side in 0..8 {
+                for (side, plane) in room.iter_mut().take(8).enumerate() {
                     let (sin, cos) = (start + core::f64::consts::FRAC_PI_4 * side as f64).sin_cos();
-                    room[side] = (Vector3::new(cos, sin, 0.0), *radius);
+                    *plane = (Vector3::new(cos, sin, 0.0), *radius);
                 }
                 room[8] = (Vector3::z(), *half_length);
                 room[9] = (-Vector3::z(), *half_length);
                 Self(&room[..])
             }
-            _ => Self(&collider.faces),
+            _ => Self(&collider.sides),
         }
     }
 

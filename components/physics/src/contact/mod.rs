@@ -21,6 +21,7 @@ mod islands;
 mod narrow;
 mod near_pairs;
 mod newton;
+mod normals;
 mod objects;
 mod parties;
 mod scene;

@@ -12,6 +12,7 @@ use super::colliders::Collider;
 use super::features::{ContactGeometry, Feature};
 use super::hulls::{Faces, SIDES};
 use super::narrow::AHEAD;
+use super::normals::Normals;
 
 /// Triangles of different planes that a feature touches at once.
 const MOST: usize = 4;
@@ -72,8 +73,15 @@ pub(super) fn collide(
     let mut found = |number: u32, point: Point3<f64>, normal: Vector3<f64>, distance: f64| {
         found(number, surface_pose * point, surface_pose.rotation * normal, distance);
     };
-    let towards = mover.towards();
-    mover.collider.shape.features(&towards, &mut |feature| mover.feature(surface, &feature, &mut found));
+    if let ConvexShape::Cylinder { .. } = mover.collider.shape {
+        mover.rims(surface, &extent, &mut found);
+    } else {
+        // Their features are the same in every direction.
+        let all = |_: &SurfaceTriangle| true;
+        mover.collider.shape.features(&Vector3::z(), &mut |feature| {
+            mover.feature(surface, (&feature, &all), &mut found);
+        });
+    }
     if !matches!(mover.collider.shape, ConvexShape::Sphere { .. }) {
         let (low, high) = (centre - reach(margin), centre + reach(margin));
         surface.visit_edges(&low, &high, &mut |index, edge| mover.edge(index, edge, &mut found));
@@ -90,15 +98,36 @@ fn extent(shape: &ConvexShape, pose: &IsometryMatrix3<f64>) -> Vector3<f64> {
 }
 
 impl Mover<'_> {
-    /// The direction of gravity's usual pull, in the axes of the collider: rims of cylinders touch there first.
-    fn towards(&self) -> Vector3<f64> {
-        self.pose.rotation.inverse_transform_vector(&-Vector3::z())
+    /// The rims of a cylinder: triangles of each normal meet those points of them that are deepest against it.
+    fn rims(
+        &self,
+        surface: &TriangleSurface,
+        extent: &Vector3<f64>,
+        found: &mut dyn FnMut(u32, Point3<f64>, Vector3<f64>, f64),
+    ) {
+        let reach = extent.add_scalar(self.margin);
+        let mut normals = Normals::default();
+        surface.visit(&(self.centre - reach), &(self.centre + reach), &mut |_, triangle| {
+            let height = triangle.normal.dot(&(self.centre - triangle.corners[0]));
+            if height > 0.0 && height - self.collider.shape.bounding_radius() < self.margin {
+                normals.add(&triangle.normal);
+            }
+        });
+        for (number, normal) in normals.all().iter().enumerate() {
+            let towards = self.pose.rotation.inverse_transform_vector(&-normal);
+            let takes = |triangle: &SurfaceTriangle| normals.is(number, &triangle.normal);
+            self.collider.shape.features(&towards, &mut |feature| {
+                let feature = Feature { index: Normals::feature(number, feature.index), ..feature };
+                self.feature(surface, (&feature, &takes), found);
+            });
+        }
     }
 
+    /// A feature against the triangles that are taken.
     fn feature(
         &self,
         surface: &TriangleSurface,
-        feature: &Feature,
+        (feature, takes): (&Feature, &dyn Fn(&SurfaceTriangle) -> bool),
         found: &mut dyn FnMut(u32, Point3<f64>, Vector3<f64>, f64),
     ) {
         let Feature { index, point, radius } = *feature;
@@ -107,6 +136,9 @@ impl Mover<'_> {
         let mut touches: [Option<Touch>; MOST] = [None; MOST];
         let mut nearest: Option<Touch> = None;
         surface.visit(&(place - reach), &(place + reach), &mut |_, triangle| {
+            if !takes(triangle) {
+                return;
+            }
             let touch = if radius > 0.0 {
                 self.round(triangle, &place, radius)
             } else {

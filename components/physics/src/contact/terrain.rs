@@ -11,6 +11,7 @@ use super::bounds::Motions;
 use super::colliders::{Collider, Colliders, Owner};
 use super::detect::{ContactPoint, Motion, UNKNOWN};
 use super::features::{ContactGeometry, Feature};
+use super::normals::Normals;
 use super::surface::SurfaceLaw;
 
 /// Points of one round feature: more faces do not meet under a sphere that is no greater than the stones.
@@ -72,10 +73,13 @@ pub(super) fn detect(
                 kept: false,
             }
         };
-        collider.shape.features(&towards(&pose), &mut |feature| {
+        features(field, (collider, &pose), near, &mut |feature, takes| {
             let place = pose * Point3::from(feature.point);
             for touch in touches(field, &place, feature.radius, margin).into_iter().flatten() {
                 let Touch { triangle, distance, normal } = touch;
+                if !takes(&normal) {
+                    continue;
+                }
                 let key = u64::from(feature.index & 0x7f) << 24 | u64::from(triangle & 0x00ff_ffff);
                 let middle = place - normal * (feature.radius + 0.5 * distance);
                 found(point(key, index, terrain, middle, normal, distance));
@@ -99,6 +103,31 @@ pub(super) fn detect(
                 found(point(key, terrain, index, peak - normal * (0.5 * distance), normal, distance));
             }
         });
+    }
+}
+
+/// Passes the features of a collider that may touch to `visit`, and which normals of faces each is for: rims of a cylinder touch faces of
+/// each normal where they are deepest against it. `reach` \[m\] is how far from the collider's origin faces count.
+fn features(
+    field: &HeightField,
+    (collider, pose): (&Collider, &IsometryMatrix3<f64>),
+    reach: f64,
+    visit: &mut dyn FnMut(Feature, &dyn Fn(&Vector3<f64>) -> bool),
+) {
+    let mut normals = Normals::default();
+    if matches!(collider.shape, ConvexShape::Cylinder { .. }) {
+        let centre = Point3::from(pose.translation.vector);
+        field.visit_near(&centre, reach, &mut |triangle| normals.add(&triangle.normal));
+    }
+    for (number, normal) in normals.all().iter().enumerate() {
+        let towards = pose.rotation.inverse_transform_vector(&-normal);
+        let takes = |found: &Vector3<f64>| normals.is(number, found);
+        collider.shape.features(&towards, &mut |feature| {
+            visit(Feature { index: Normals::feature(number, feature.index), ..feature }, &takes);
+        });
+    }
+    if normals.all().is_empty() {
+        collider.shape.features(&towards(pose), &mut |feature| visit(feature, &|_| true));
     }
 }
 
@@ -166,7 +195,10 @@ pub(super) fn clearance(all: &Colliders, articulation: usize, distances: &Collis
     let mut least = f64::INFINITY;
     for (index, collider) in robot {
         let pose = distances.pose(index);
-        collider.shape.features(&towards(&pose), &mut |Feature { point, radius, .. }| {
+        let centre = pose.translation.vector;
+        // Rims of cylinders are deepest against the face below.
+        let against = pose.rotation.inverse_transform_vector(&-field.normal(centre.x, centre.y));
+        collider.shape.features(&against, &mut |Feature { point, radius, .. }| {
             let place = pose * Point3::from(point);
             let (height, normal) = (field.height(place.x, place.y), field.normal(place.x, place.y));
             // the plane of the face below touches a sphere beside its lowest point

@@ -1,6 +1,6 @@
 //! Compilation of a model, and the places of our coordinates in MuJoCo's.
 
-use motorium_robots::Coordinate;
+use motorium_robots::{Coordinate, ObjectMass};
 
 use super::library::Library;
 use super::native::{Kind, Native};
@@ -13,6 +13,8 @@ use crate::{BuildError, World};
 pub(super) struct Places {
     pub(super) articulations: Vec<ArticulationPlaces>,
     pub(super) objects: Vec<ObjectPlace>,
+    /// Mass properties of the objects that move freely.
+    pub(super) masses: Vec<Option<ObjectMass>>,
 }
 
 pub(super) struct ArticulationPlaces {
@@ -46,7 +48,7 @@ impl Mujoco {
         let joint = |native: &Native, name: String| {
             native.id(Kind::Joint, &name).map(|id| native.joint_places(id)).ok_or_else(|| lost(name))
         };
-        let mut places = Places { articulations: Vec::new(), objects: Vec::new() };
+        let mut places = Places { articulations: Vec::new(), objects: Vec::new(), masses: Vec::new() };
         for (of, own) in robot.articulations.iter().enumerate() {
             let (model, base) = (&own.model, mjcf::base_joint(of));
             let mut part = ArticulationPlaces {
@@ -70,6 +72,7 @@ impl Mujoco {
         }
         for (index, object) in world.objects.iter().enumerate() {
             let name = format!("o{index}");
+            places.masses.push(object.mass_properties());
             places.objects.push(if object.is_dynamic() {
                 let (place, dof) = joint(&native, name)?;
                 ObjectPlace::Free(place, dof)

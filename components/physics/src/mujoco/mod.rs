@@ -323,7 +323,7 @@ impl Engine for Mujoco {
                 let qvel = &self.native.qvel()[dof..dof + 6];
                 let angular = rotation * Vector3::from_column_slice(&qvel[3..]);
                 // MuJoCo's is the velocity of the origin.
-                let centre = self.world.objects[index].mass_properties().and_then(|own| own.frame);
+                let centre = self.places.masses[index].and_then(|own| own.frame);
                 let arm = centre.map_or_else(Vector3::zeros, |own| rotation * own.translation.vector);
                 (Vector3::from_column_slice(&qvel[..3]) + angular.cross(&arm), angular)
             }

@@ -151,7 +151,10 @@ impl Mujoco {
         let air = Air::new(&self.world);
         for (index, object) in self.world.objects.iter().enumerate() {
             let ObjectPlace::Free(_, dof) = &self.places.objects[index] else { continue };
-            let Some(ObjectMass { mass, frame, .. }) = object.mass_properties() else { continue };
+            let Some(ObjectMass { mass, frame, .. }) = self.places.masses[index] else { continue };
+            if object.drag == 0.0 {
+                continue;
+            }
             let velocity = self.object_velocity(index).0;
             let force = air.force((object.drag, mass), velocity, gravity, h);
             let dof = *dof;

@@ -21,6 +21,7 @@ mod gait;
 mod grain;
 mod integrator;
 mod legged;
+mod mesh_slopes;
 mod meshes;
 mod midpoint;
 mod mujoco;
@@ -44,6 +45,7 @@ mod surfaces;
 mod terrain;
 mod truth;
 mod world_file;
+mod world_paths;
 
 use motorium::telemetry::CountingAllocator;
 

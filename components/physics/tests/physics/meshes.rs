@@ -10,7 +10,7 @@ const DT: f64 = 1e-3;
 const G: f64 = 9.81;
 
 /// Faces of a box between two corners, as triangles that face outward.
-fn box_between(low: [f64; 3], high: [f64; 3]) -> TriangleMesh {
+pub(crate) fn box_between(low: [f64; 3], high: [f64; 3]) -> TriangleMesh {
     let pick = |corner: usize, axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
     let points = (0..8).map(|corner| Vector3::from_fn(|axis, _| pick(corner, axis))).collect();
     let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -19,7 +19,7 @@ fn box_between(low: [f64; 3], high: [f64; 3]) -> TriangleMesh {
 }
 
 /// Several meshes as one.
-fn joined(parts: &[TriangleMesh]) -> TriangleMesh {
+pub(crate) fn joined(parts: &[TriangleMesh]) -> TriangleMesh {
     let mut whole = TriangleMesh::default();
     for part in parts {
         let first = whole.points.len() as u32;
@@ -30,7 +30,7 @@ fn joined(parts: &[TriangleMesh]) -> TriangleMesh {
 }
 
 /// A level floor at the height 0 of squares that are no multiple of anything, cut in two triangles each.
-fn floor(height: impl Fn(f64, f64) -> f64) -> TriangleMesh {
+pub(crate) fn floor(height: impl Fn(f64, f64) -> f64) -> TriangleMesh {
     let (count, side) = (41_u32, 0.137);
     let at = |index: u32| (f64::from(index) - 20.3) * side;
     let corners = (0..count).flat_map(|row| (0..count).map(move |column| (column, row)));
@@ -46,7 +46,7 @@ fn floor(height: impl Fn(f64, f64) -> f64) -> TriangleMesh {
     TriangleMesh { points: points.collect(), triangles: triangles.collect() }
 }
 
-fn mesh(name: &str, mesh: TriangleMesh, collision: MeshCollision) -> Object {
+pub(crate) fn mesh(name: &str, mesh: TriangleMesh, collision: MeshCollision) -> Object {
     let shape = ObjectShape::Mesh(MeshShape::of_mesh(name, mesh, collision));
     Object { name: name.to_owned(), shape, friction: 0.6, ..Object::default() }
 }
@@ -57,20 +57,20 @@ fn block(name: &str, position: [f64; 3]) -> Object {
 }
 
 /// A robot far above all objects.
-fn pendulum() -> Model {
+pub(crate) fn pendulum() -> Model {
     let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
     pendulum.placed(&Isometry3::translation(0.0, 0.0, 50.0))
 }
 
-fn simulate(engine: Engine, world: World) -> Box<dyn Simulator> {
+pub(crate) fn simulate(engine: Engine, world: World) -> Box<dyn Simulator> {
     engine.simulate(pendulum(), world, &[0.0], Options::default())
 }
 
-fn pose(simulation: &dyn Simulator, name: &str) -> Isometry3<f64> {
+pub(crate) fn pose(simulation: &dyn Simulator, name: &str) -> Isometry3<f64> {
     simulation.object_pose(simulation.object(name).unwrap())
 }
 
-fn run(simulation: &mut dyn Simulator, seconds: f64) {
+pub(crate) fn run(simulation: &mut dyn Simulator, seconds: f64) {
     (0..(seconds / DT).round() as usize).for_each(|_| _ = simulation.step(DT).unwrap());
 }
 
@@ -88,7 +88,7 @@ fn slide(simulation: &mut dyn Simulator, name: &str, seconds: f64) -> (f64, f64)
 }
 
 /// Engines whose meshes touch by their triangles.
-fn with_triangles() -> impl Iterator<Item = Engine> {
+pub(crate) fn with_triangles() -> impl Iterator<Item = Engine> {
     engines().filter(|engine| *engine != Engine::Mujoco)
 }
 
@@ -183,7 +183,7 @@ fn a_mesh_with_its_centre_beside_its_origin_turns_about_its_centre_in_free_fligh
 }
 
 /// A trough with two walls, open along y.
-fn trough() -> TriangleMesh {
+pub(crate) fn trough() -> TriangleMesh {
     joined(&[
         box_between([-0.3, -0.3, 0.0], [0.3, 0.3, 0.05]),
         box_between([-0.3, -0.3, 0.05], [-0.2, 0.3, 0.3]),
@@ -191,7 +191,7 @@ fn trough() -> TriangleMesh {
     ])
 }
 
-fn ball(position: [f64; 3]) -> Object {
+pub(crate) fn ball(position: [f64; 3]) -> Object {
     let shape = ObjectShape::Sphere { radius: 0.05 };
     Object {
         name: "ball".to_owned(),

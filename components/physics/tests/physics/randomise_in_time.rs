@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use motorium_physics::{
-    ArticulatedSimulator, JointCommand, Options, RapierSimulator, RobotSetup, Simulator, World,
+    ArticulatedSimulator, JointCommand, Options, Properties, RapierSimulator, RobotSetup, Simulator, World,
 };
-use motorium_robots::{ActuatorSettings, load};
+use motorium_robots::{ActuatorSettings, BodyFactors, load};
 use serde_json::Value;
 
 use crate::randomise::{check, episodes, run_of, text};
@@ -60,6 +60,7 @@ fn what_no_actuator_has_is_no_range() {
             "randomise.actuator.backlash",
         ),
         ("randomise.actuator.gain = [-0.5, 1.5]", "randomise.actuator.gain"),
+        ("actuator = { delay = \"5 s\" }\nrandomise.actuator.delay = [1.0, 3.0]", "randomise.actuator.delay"),
         ("randomise = { every = \"1 s\", start = [-0.1, 0.1] }", "randomise.every"),
         ("randomise = { every = \"0 s\", gravity = [0.9, 1.1] }", "randomise.every"),
     ] {
@@ -129,6 +130,51 @@ fn properties_that_change_in_the_midst_of_motion_leave_the_state_and_act_from_th
     let mut rapier = RapierSimulator::new(model, World::default(), &q, Options::default()).unwrap();
     let refused = rapier.change(&rapier.properties()).unwrap_err().to_string();
     assert!(refused.contains("rapier"), "{refused}");
+}
+
+#[test]
+fn effort_limits_that_change_in_the_midst_of_motion_bound_actuators_from_there() {
+    let model = load("rrbot", Path::new(".")).unwrap().model;
+    let (q, limit) = (model.neutral(), model.effort_limit()[0]);
+    let mut setup = RobotSetup::from(model.clone());
+    setup.actuators = vec![Some(ActuatorSettings { lag: 5e-3, ..ActuatorSettings::default() }); 2];
+    let mut simulation = ArticulatedSimulator::new(setup, World::default(), &q, Options::default()).unwrap();
+    // Twelve time constants of the lag.
+    let saturated = |simulation: &mut ArticulatedSimulator| {
+        simulation.commands_mut()[0] = JointCommand::effort(10.0 * limit);
+        (0..60).for_each(|_| _ = simulation.step(1e-3).unwrap());
+        simulation.efforts()[0]
+    };
+    let effort = saturated(&mut simulation);
+    assert!((effort - limit).abs() < 1e-3 * limit, "{effort} Nm of {limit} Nm");
+    for share in [0.5, 0.2, 1.0] {
+        let factors = BodyFactors { effort_limit: share, ..BodyFactors::default() };
+        let factors = vec![factors; model.bodies().len()];
+        let varied = model.with_factors(1.0, &factors);
+        simulation.change(&Properties { model: varied, ..simulation.properties() }).unwrap();
+        let effort = saturated(&mut simulation);
+        assert!((effort - share * limit).abs() < 1e-3 * limit, "{effort} Nm of {share} of {limit} Nm");
+    }
+}
+
+#[test]
+fn properties_with_an_actuator_that_cannot_be_change_nothing() {
+    let model = load("rrbot", Path::new(".")).unwrap().model;
+    let q = model.neutral();
+    let mut setup = RobotSetup::from(model);
+    setup.actuators = vec![Some(ActuatorSettings { lag: 5e-3, ..ActuatorSettings::default() }); 2];
+    let mut simulation = ArticulatedSimulator::new(setup, World::default(), &q, Options::default()).unwrap();
+    let before = simulation.properties();
+    let mut wrong = before.clone();
+    wrong.world.gravity = [0.0; 3];
+    wrong.actuators[0][1] = Some(ActuatorSettings { lag: 11.0, ..ActuatorSettings::default() });
+    let refused =
+        [simulation.change(&wrong).unwrap_err(), simulation.reset_with(&wrong, &q, &[0.0; 2]).unwrap_err()];
+    for refused in refused.map(|refused| refused.to_string()) {
+        assert!(refused.contains("lag = 11"), "{refused}");
+    }
+    assert_eq!(simulation.properties().world.gravity, before.world.gravity);
+    assert_eq!(simulation.gravity(), nalgebra::Vector3::from(before.world.gravity));
 }
 
 #[test]

@@ -122,6 +122,28 @@ fn crept(sleeping: bool) -> f64 {
 }
 
 #[test]
+fn sleepers_on_a_slope_wake_and_slide_when_their_friction_falls() {
+    let objects = vec![cube("box", [0.0, 0.0, 0.05])];
+    let gravity = [2.0, 0.0, -9.6];
+    let world = World { ground: Some(Ground::default()), objects, gravity, ..World::default() };
+    let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
+    let pendulum = pendulum.placed(&Isometry3::translation(0.0, 0.0, 50.0));
+    let mut simulation = ArticulatedSimulator::new(pendulum, world, &[0.0], Options::default()).unwrap();
+    run(&mut simulation, 1500);
+    assert!(sleeps(&simulation, "box"));
+    let mut properties = simulation.properties();
+    simulation.change(&properties).unwrap();
+    run(&mut simulation, 1);
+    assert!(sleeps(&simulation, "box"), "the same friction lets it sleep");
+    properties.surfaces.iter_mut().for_each(|surface| surface.friction = 0.1);
+    simulation.change(&properties).unwrap();
+    run(&mut simulation, 500);
+    let speed = simulation.object_velocity(simulation.object("box").unwrap()).0.x;
+    let expected = 0.5 * (2.0 - 0.1 * 9.6);
+    assert!((speed - expected).abs() < 0.01 * expected, "{speed} m/s, expected {expected} m/s");
+}
+
+#[test]
 fn without_sleeping_an_object_that_hardly_moves_goes_on() {
     assert_eq!(crept(true), 0.0);
     let speed = crept(false);

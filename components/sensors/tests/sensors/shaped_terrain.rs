@@ -2,6 +2,7 @@
 
 use motorium::prelude::*;
 use motorium::state::{Randomisation, Ranges};
+use motorium::telemetry::allocations;
 use motorium::testing::{Graph, Instance, Probe, Source};
 use motorium_robots::Terrain;
 use motorium_sensors::component::rays::{AlongRays, RaySensor};
@@ -15,8 +16,9 @@ fn field(seed: u64, scale: f64) -> motorium_robots::HeightField {
     Terrain { seed, scale, ..terrain }.height_field().unwrap()
 }
 
-/// Readings of a ray straight down from (1, 2, 2) m, where the simulation tells these draws from its 100th step on.
-fn readings(draws: &'static [(u32, f64)]) -> Vec<f64> {
+/// Readings of a ray straight down from (1, 2, 2) m, where the simulation tells these draws at its 100th step and `again` so many times,
+/// and the allocations that were set apart.
+fn readings(draws: &'static [(u32, f64)], again: u64) -> (Vec<f64>, u64) {
     let base = Source::new("truth", "base", |_| {
         let mut state = BaseState { position: [1.0, 2.0, 2.0], ..BaseState::default() };
         state.orientation[3] = 1.0;
@@ -29,7 +31,8 @@ fn readings(draws: &'static [(u32, f64)]) -> Vec<f64> {
             message.property_mut()[entry] = *property;
             message.value_mut()[entry] = *value;
         }
-        (tick.index == 100).then_some(message)
+        let times = (100..=100 + 20 * again).step_by(20);
+        times.into_iter().any(|index| index == tick.index).then_some(message)
     });
     let probe = Probe::<Ranges>::of("range");
     let config = format!(
@@ -44,10 +47,12 @@ fn readings(draws: &'static [(u32, f64)]) -> Vec<f64> {
         .set("config", toml::Value::Table(config.parse().unwrap()));
     let graph =
         Graph::new("terrain").robot("dog", "quadruped").with(base).with(drawn).with(sensor).with(&probe);
+    let before = allocations().set_apart;
     let report = graph.run("400 ms").unwrap();
+    let set_apart = allocations().set_apart - before;
     let sensor = report.components.iter().find(|component| component.name == "sensor").unwrap();
     assert_eq!((sensor.allocations, sensor.errors), (Some(0), 0));
-    probe.values().iter().map(|reading| f64::from(reading.range()[0])).collect()
+    (probe.values().iter().map(|reading| f64::from(reading.range()[0])).collect(), set_apart)
 }
 
 #[test]
@@ -62,11 +67,19 @@ fn a_ray_meets_the_terrain_that_was_drawn_from_the_moment_on_at_which_it_is_told
         ],
     ];
     for (draws, (seed, scale)) in draws.into_iter().zip([(3, 3.0), (12, 1.0), (12, 0.5)]) {
-        let found = readings(draws);
+        let (found, _) = readings(draws, 0);
         let (before, after) =
             (2.0 - field(3, 1.0).height(1.0, 2.0), 2.0 - field(seed, scale).height(1.0, 2.0));
         assert!((before - after).abs() > 0.01, "another terrain: {before}, {after}");
         assert!((found[0] - before).abs() < 1e-6, "{found:?}, {before}");
         assert!((found.last().unwrap() - after).abs() < 1e-6, "{found:?}, {after}");
     }
+}
+
+#[test]
+fn a_terrain_that_is_told_again_is_not_shaped_again() {
+    let draws = &[(Randomisation::TERRAIN_SEED, 12.0), (Randomisation::TERRAIN_SCALE, 2.0)];
+    let [(once, first), (again, all)] = [0, 10].map(|again| readings(draws, again));
+    assert!(first > 0, "the terrain has memory of its own");
+    assert_eq!((again, all), (once, first));
 }

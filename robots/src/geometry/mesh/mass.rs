@@ -52,14 +52,53 @@ impl TriangleMesh {
     /// True for a mesh that encloses a volume: every edge borders two triangles, which run along it in opposite directions, and
     /// they face outward. Corners at one position must be one: see [`welded`](Self::welded).
     pub fn is_closed(&self) -> bool {
+        self.is_without_rim() && self.volume() > 0.0
+    }
+
+    /// The same mesh, turned inside out where it encloses a volume and its triangles face inward. Corners at one position must be one:
+    /// see [`welded`](Self::welded).
+    ///
+    /// ```
+    /// use motorium_robots::TriangleMesh;
+    /// use nalgebra::Vector3;
+    ///
+    /// let points = vec![Vector3::zeros(), Vector3::x(), Vector3::y(), Vector3::z()];
+    /// let inward = TriangleMesh { points, triangles: vec![[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 2, 3]] };
+    /// assert!(inward.volume() < 0.0 && inward.facing_outward().is_closed());
+    /// ```
+    #[must_use]
+    pub fn facing_outward(mut self) -> Self {
+        if self.is_without_rim() && self.volume() < 0.0 {
+            self.triangles.iter_mut().for_each(|[_, b, c]| core::mem::swap(b, c));
+        }
+        self
+    }
+
+    /// Ends of an edge \[m\] of two triangles that face opposite sides: both run along it in the same direction. `None` where all
+    /// neighbours face the same side. Corners at one position must be one: see [`welded`](Self::welded).
+    pub fn twisted_edge(&self) -> Option<[Vector3<f64>; 2]> {
+        let edges = self.directed_edges();
+        let twisted = |(from, to): &(u32, u32), count: i32| count == 2 && !edges.contains_key(&(*to, *from));
+        let found = edges.iter().filter(|(edge, count)| twisted(edge, **count)).map(|(edge, _)| *edge);
+        found.min().map(|(from, to)| [from, to].map(|index| self.points[index as usize]))
+    }
+
+    /// How many triangles run along each edge, from one corner to another.
+    fn directed_edges(&self) -> HashMap<(u32, u32), i32> {
         let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
         for [a, b, c] in &self.triangles {
             for (from, to) in [(*a, *b), (*b, *c), (*c, *a)] {
                 *edges.entry((from, to)).or_default() += 1;
             }
         }
+        edges
+    }
+
+    /// True where as many triangles run along each edge in one direction as in the other.
+    fn is_without_rim(&self) -> bool {
+        let edges = self.directed_edges();
         let paired = |((from, to), count): (&(u32, u32), &i32)| edges.get(&(*to, *from)) == Some(count);
-        !edges.is_empty() && edges.iter().all(paired) && self.volume() > 0.0
+        !edges.is_empty() && edges.iter().all(paired)
     }
 
     /// Volume, centre and inertia of the solid that a [closed](Self::is_closed) mesh encloses.

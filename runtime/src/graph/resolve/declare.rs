@@ -297,12 +297,24 @@ fn config_value<'i>(
         None => Spanned::new(draft.place.clone(), DeValue::Table(DeTable::new())),
     };
     let Some(Ok(kind)) = good(&draft.table.kind).map(|kind| context.home(kind)) else { return value };
+    insert_world(&mut value, &kind, draft, graph, report);
     let known = draft.robot.as_ref().or(draft.robots.first());
     // a component without a robot knows no folder: all its paths are made absolute
     let folder = known.map_or(Path::new(""), |robot| &robot.base);
     paths::rebase(&mut value, &kind, folder, context.sources);
-    let (Some(at), DeValue::Table(table)) = (&graph.world, value.get_mut()) else { return value };
-    let Some(AnyTable(world)) = at.get() else { return value };
+    value
+}
+
+/// Puts the graph's world, or its gravity alone, into the configuration of a kind that reads it.
+fn insert_world<'i>(
+    value: &mut Value<'i>,
+    kind: &Home<'_>,
+    draft: &Draft<'_, 'i>,
+    graph: &GraphTable<'i>,
+    report: &mut Report,
+) {
+    let (Some(at), DeValue::Table(table)) = (&graph.world, value.get_mut()) else { return };
+    let Some(AnyTable(world)) = at.get() else { return };
     if kind.reads_gravity()
         && !table.contains_key("gravity")
         && let DeValue::Table(world) = world.get_ref()
@@ -324,7 +336,6 @@ fn config_value<'i>(
             }
         }
     }
-    value
 }
 
 /// A user's program may declare anything: what no component built with this crate would declare is refused.

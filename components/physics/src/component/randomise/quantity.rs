@@ -6,7 +6,7 @@ use motorium_robots::ActuatorSettings;
 
 use super::super::build::BuiltRobot;
 use super::config::{Allowed, Interval, RandomiseConfig, TerrainIntervals};
-use super::varied::shares;
+use super::varied::{shares, vary};
 use crate::Properties;
 
 /// One quantity that is drawn.
@@ -172,6 +172,9 @@ fn of_robot(
             let message = format!("nothing to draw: no part of robot `{}` has it", model.name());
             return Err(ConfigError::key(format!("randomise.{written}"), message).advise("leave it out"));
         }
+        if property > Message::ACTUATOR_STRENGTH {
+            check_ends(&written, (property, interval), &parts, actuators)?;
+        }
         for (part, of) in parts {
             let mut path: Vec<String> = name.map_or_else(Vec::new, |name| vec!["robots".into(), name.into()]);
             path.extend(key.split('.').map(str::to_owned));
@@ -221,6 +224,28 @@ fn of_robot(
     add(Message::ACTUATOR_BACKLASH, "actuator.backlash", loose, own.backlash, Allowed::Factor)?;
     let elastic = with(|own| own.drivetrain.is_some());
     add(Message::ACTUATOR_STIFFNESS, "actuator.stiffness", elastic, own.stiffness, Allowed::Positive)
+}
+
+/// Checks the settings that both ends of a range make of the actuators of these joints.
+fn check_ends(
+    key: &str,
+    (property, interval): (u32, Interval),
+    joints: &[(u32, &str)],
+    actuators: &[Option<ActuatorSettings>],
+) -> Result<(), ConfigError> {
+    for (joint, name) in joints {
+        let Some(Some(settings)) = actuators.get(*joint as usize) else { continue };
+        for factor in interval.0 {
+            let mut settings = settings.clone();
+            vary(&mut settings, property, factor);
+            settings.check().map_err(|error| {
+                let message = format!("the factor {factor} makes of the actuator of joint `{name}` {error}");
+                ConfigError::key(format!("randomise.{key}"), message)
+                    .advise("choose a smaller factor, or another value of the actuator")
+            })?;
+        }
+    }
+    Ok(())
 }
 
 /// The place of the base of a robot that floats. Ranges that no robot can use are refused.

@@ -166,7 +166,7 @@ impl Scene<'_> {
 }
 
 /// Multiplies a setting of an actuator.
-fn vary(settings: &mut ActuatorSettings, property: u32, value: f64) {
+pub(super) fn vary(settings: &mut ActuatorSettings, property: u32, value: f64) {
     match property {
         Message::ACTUATOR_DELAY => settings.delay *= value,
         Message::ACTUATOR_LAG => settings.lag *= value,

@@ -52,6 +52,8 @@ pub(super) struct View {
     object_count: usize,
     /// The terrain as the graph has it, and what the simulation drew for it; where there is one.
     terrain: Option<(Terrain, Drawn)>,
+    /// Seed and scale that were drawn for the terrain of the scene, where they were.
+    shaped: [Option<f64>; 2],
 }
 
 struct Link {
@@ -131,8 +133,9 @@ impl View {
         };
         let objects = if seen.moves() { Some(setup.input("object_poses")?) } else { None };
         let object_count = seen.world.objects.len();
+        let shaped = [None; 2];
         let mut view =
-            Self { motion, objects, scene, looks, links, root, first_object, object_count, terrain };
+            Self { motion, objects, scene, looks, links, root, first_object, object_count, terrain, shaped };
         view.place_links();
         Ok(view)
     }
@@ -179,11 +182,13 @@ impl View {
     fn shape_terrain(&mut self, tick: &Tick) -> Result<(), StepError> {
         let Some((terrain, drawn)) = &mut self.terrain else { return Ok(()) };
         let Some(drawn) = drawn.newest(tick) else { return Ok(()) };
-        let (seed, scale) =
-            (drawn.find(Randomisation::TERRAIN_SEED, 0), drawn.find(Randomisation::TERRAIN_SCALE, 0));
-        if seed.is_none() && scale.is_none() {
+        let properties = [Randomisation::TERRAIN_SEED, Randomisation::TERRAIN_SCALE];
+        let found @ [seed, scale] = properties.map(|property| drawn.find(property, 0));
+        // A draw in time tells the terrain of the episode again.
+        if found == self.shaped {
             return Ok(());
         }
+        self.shaped = found;
         let scene = &mut self.scene;
         set_apart(|| {
             let mut shaped = terrain.clone();
