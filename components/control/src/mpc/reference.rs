@@ -175,32 +175,6 @@ mod tests {
     }
 
     #[test]
-    fn a_base_on_a_slope_is_parallel_to_it_points_along_its_heading_and_turns_as_its_angular_velocity_says() {
-        let normal = Vector3::new(-0.3, 0.2, 1.0).normalize();
-        for heading in [0.0, 0.8, 2.0, -2.5] {
-            let mut reference = Reference::new(0.3);
-            reference.set_ground(GroundPlane::through(&Vector3::zeros(), &normal));
-            reference.begin(&Vector3::zeros(), heading);
-            let turning = PlanarVelocity { linear: Vector2::new(0.4, 0.0), yaw_rate: 0.7 };
-            reference.follow(&turning, f64::INFINITY, 1.0);
-            for time in [0.0, 0.6] {
-                let base = reference.orientation(time);
-                assert!((base * Vector3::z() - normal).norm() < 1e-12);
-                assert!((base.matrix().determinant() - 1.0).abs() < 1e-12);
-                // it walks straight ahead
-                let (ahead, velocity) = (base * Vector3::x(), reference.after(time).1);
-                assert!((ahead - velocity.normalize()).norm() < 1e-12, "{ahead} {velocity}");
-                let step = 1e-5;
-                let turned =
-                    reference.orientation(time + step) * reference.orientation(time - step).inverse();
-                let (found, expected) =
-                    (turned.scaled_axis() / (2.0 * step), reference.angular_velocity(time));
-                assert!((found - expected).norm() < 1e-6, "{found} {expected}");
-            }
-        }
-    }
-
-    #[test]
     fn the_reference_gains_speed_within_its_acceleration_and_waits_for_who_falls_behind() {
         let mut reference = Reference::new(0.3);
         let wanted = PlanarVelocity { linear: Vector2::new(0.6, 0.8), yaw_rate: -2.0 };

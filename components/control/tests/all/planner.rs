@@ -5,8 +5,8 @@ use std::path::Path;
 
 use motorium_control::inverse_dynamics::MotionState;
 use motorium_control::mpc::{
-    CentroidalMpc, CentroidalState, Gait, GroundModel, Landing, LegPlanner, MpcSettings, PlanarVelocity,
-    PlannedFoot, PlannerSettings, Stepping,
+    CentroidalMpc, CentroidalState, Gait, GroundModel, GroundPlane, Landing, LegPlanner, MpcSettings,
+    PlanarVelocity, PlannedFoot, PlannerSettings, Reference, Stepping,
 };
 use motorium_robots::{Kinematics, Loaded, load};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
@@ -201,6 +201,30 @@ fn on_a_slope_that_is_crossed_aslant_a_base_parallel_to_it_is_not_seen_turned_an
     // it goes where it points
     let (ahead, velocity) = (base * Vector3::x(), planner.reference().after(0.0).1);
     assert!((ahead - velocity.normalize()).norm() < 1e-9, "{ahead} {velocity}");
+}
+
+#[test]
+fn a_base_on_a_slope_is_parallel_to_it_points_along_its_heading_and_turns_as_its_angular_velocity_says() {
+    let normal = Vector3::new(-0.3, 0.2, 1.0).normalize();
+    for heading in [0.0, 0.8, 2.0, -2.5] {
+        let mut reference = Reference::new(0.3);
+        reference.set_ground(GroundPlane::through(&Vector3::zeros(), &normal));
+        reference.begin(&Vector3::zeros(), heading);
+        let turning = PlanarVelocity { linear: Vector2::new(0.4, 0.0), yaw_rate: 0.7 };
+        reference.follow(&turning, f64::INFINITY, 1.0);
+        for time in [0.0, 0.6] {
+            let base = reference.orientation(time);
+            assert!((base * Vector3::z() - normal).norm() < 1e-12);
+            assert!((base.matrix().determinant() - 1.0).abs() < 1e-12);
+            // it walks straight ahead
+            let (ahead, velocity) = (base * Vector3::x(), reference.after(time).1);
+            assert!((ahead - velocity.normalize()).norm() < 1e-12, "{ahead} {velocity}");
+            let step = 1e-3;
+            let turned = reference.orientation(time + step) * reference.orientation(time - step).inverse();
+            let (found, expected) = (turned.scaled_axis() / (2.0 * step), reference.angular_velocity(time));
+            assert!((found - expected).norm() < 1e-6, "{found} {expected}");
+        }
+    }
 }
 
 /// Steps of 5 ms of a trot whose first swing is that of the feet 1 and 2; `touches` says what the sensor of foot 1 says at a time.
