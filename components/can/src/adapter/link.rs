@@ -167,7 +167,8 @@ impl Link {
         self.is_found |= matches!(response, Response::Setting(_) | Response::Feedback(_));
         Ok(match response {
             Response::Setting(wrong) => {
-                self.answered = true;
+                // it names what it answers: nothing from before is on its way any more
+                (self.answered, self.owed) = (true, 0);
                 if let (None, Some(setting)) = (wrong, checking) {
                     let next = setting + 1;
                     let is_last = next >= self.dialogue.checks();

@@ -14,8 +14,8 @@ pub(super) const STOP: f64 = -0.8;
 /// A family of drives with what its entries have beside those of all.
 pub(super) struct Case {
     pub(super) name: &'static str,
-    bus: &'static str,
-    drive: &'static str,
+    pub(super) bus: &'static str,
+    pub(super) drive: &'static str,
     pub(super) homing: &'static str,
 }
 

@@ -153,9 +153,10 @@ fn in_an_emergency_stop_in_the_middle_of_a_homing_joints_that_are_held_take_the_
         });
         let safety = format!("emergency_stop = \"button\"\nsafe_state = \"{safe_state}\"");
         let push =
-            r#"pushes = [{ at = "5.2 s", duration = "1 s", link = "link1", force = [0.0, 20.0, 0.0] }]"#;
+            r#"pushes = [{ at = "5.2 s", duration = "1 s", link = "link1", force = [0.0, -20.0, 0.0] }]"#;
         let graph = pushed_graph(&folder, push, "", &safety).kind::<CanAdapter>();
-        let report = graph.with(stop).with(&truth).with(&health).run("6 s").unwrap();
+        let commands = Source::new("commands", "arm/command", |_| Some(command()));
+        let report = graph.with(commands).with(stop).with(&truth).with(&health).run("6 s").unwrap();
         let (result, health) = (&report.results["adapter"], health.values());
         assert_eq!(health[4990].flags[0], JointHealth::ENABLED, "it is held");
         assert_eq!(health[4990].flags[1] & JointHealth::HOMING, JointHealth::HOMING, "this one is under way");
