@@ -125,7 +125,7 @@ homing = { by = "stop", velocity = 1.5, effort = 2.0, position = 2.8973, back_of
         "component.adapter.restart.within=60 s".into(),
         "safety.resume=latch".into(),
     ];
-    let arguments = settings.iter().flat_map(|one| ["--set", one]).chain(["--for", "3600 s"]);
+    let arguments = settings.iter().flat_map(|one| ["--set", one.as_str()]).chain(["--for", "3600 s"]);
     let arguments: Vec<&str> = arguments.collect();
     for is_resumed in [false, true] {
         // in lockstep: no stall of the machine is taken for an outage

@@ -6,7 +6,7 @@ use motorium::state::EmergencyStop;
 use motorium::testing::{Probe, Source};
 use motorium_can::{CanAdapter, JointHealth};
 
-use super::components::{Folder, GOAL, bare_graph, command, graph, pushed_graph};
+use super::components::{Folder, GOAL, bare_graph, command, graph};
 
 /// The drive table of the planar arm, whose joints are homed: the first one before the others.
 const PLANAR: &str = r#"
@@ -140,34 +140,6 @@ fn an_emergency_stop_interrupts_a_homing() {
     };
     assert!(at(0.95) > at(0.5) + 0.3, "it was on its way");
     assert!((at(2.9) - at(1.2)).abs() < 1e-3, "and stands: {} {}", at(1.2), at(2.9));
-}
-
-#[test]
-fn in_an_emergency_stop_in_the_middle_of_a_homing_joints_that_are_held_take_the_safe_state() {
-    let moved = |safe_state: &str| {
-        let folder = Folder::new(&format!("homing-held-{safe_state}"), PLANAR);
-        let (truth, health) =
-            (Probe::<JointState>::of("arm/true_state"), Probe::<JointHealth>::of("arm/health"));
-        let stop = Source::new("button", "button", |tick| {
-            Some(EmergencyStop { stop: u64::from(tick.time() > 5.0) })
-        });
-        let safety = format!("emergency_stop = \"button\"\nsafe_state = \"{safe_state}\"");
-        let push =
-            r#"pushes = [{ at = "5.2 s", duration = "1 s", link = "link1", force = [0.0, -20.0, 0.0] }]"#;
-        let graph = pushed_graph(&folder, push, "", &safety).kind::<CanAdapter>();
-        let commands = Source::new("commands", "arm/command", |_| Some(command()));
-        let report = graph.with(commands).with(stop).with(&truth).with(&health).run("6 s").unwrap();
-        let (result, health) = (&report.results["adapter"], health.values());
-        assert_eq!(health[4990].flags[0], JointHealth::ENABLED, "it is held");
-        assert_eq!(health[4990].flags[1] & JointHealth::HOMING, JointHealth::HOMING, "this one is under way");
-        assert_eq!(result["joints"]["joint2"]["homing"], "waiting", "{result}");
-        let at = |time: f64| {
-            truth.samples().iter().find(|sample| sample.tick.time() >= time).unwrap().value.position()[0]
-        };
-        (at(5.15) - at(5.9)).abs()
-    };
-    let (held, free) = (moved("hold"), moved("zero_torque"));
-    assert!(held < 0.1 && free > 0.5, "{held} {free}");
 }
 
 #[test]
