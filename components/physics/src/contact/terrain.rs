@@ -106,13 +106,16 @@ pub(super) fn detect(
     }
 }
 
+/// True of the normals of faces that a feature is for.
+type Takes<'a> = dyn Fn(&Vector3<f64>) -> bool + 'a;
+
 /// Passes the features of a collider that may touch to `visit`, and which normals of faces each is for: rims of a cylinder touch faces of
 /// each normal where they are deepest against it. `reach` \[m\] is how far from the collider's origin faces count.
 fn features(
     field: &HeightField,
     (collider, pose): (&Collider, &IsometryMatrix3<f64>),
     reach: f64,
-    visit: &mut dyn FnMut(Feature, &dyn Fn(&Vector3<f64>) -> bool),
+    visit: &mut dyn FnMut(Feature, &Takes<'_>),
 ) {
     let mut normals = Normals::default();
     if matches!(collider.shape, ConvexShape::Cylinder { .. }) {
