@@ -11,7 +11,7 @@ use crate::graph::values::{Named, Number, Triple};
 
 /// A robot.
 #[derive(Debug, JsonSchema)]
-#[schemars(deny_unknown_fields, rename = "Robot")]
+#[schemars(deny_unknown_fields, rename = "Robot", extend("anyOf" = [{ "required": ["urdf"] }, { "required": ["mjcf"] }]))]
 pub(in crate::graph) struct RobotTable {
     /// Its model: a name of the catalogue, a folder, or a URDF or MJCF file (relative to the graph file). This or `mjcf`.
     pub urdf: Option<At<String>>,
