@@ -56,7 +56,10 @@ fn a_misspelt_key_of_a_program_is_underlined_where_it_stands() {
     assert!(told.contains("`mine.config.amplitud`: unknown key `amplitud`"), "{told}");
     assert!(told.contains("^^^^^^^^ refused by") && told.contains("did you mean `amplitude`?"), "{told}");
     let told = check("amplitude = 0.1\nkd = [1.0]\nkp = [1.0, \"stiff\"]");
-    assert!(told.contains("graph.toml:11:12") && told.contains("`mine.config.kp[1]`"), "{told}");
+    assert!(
+        told.contains("graph.toml:11:6") && told.contains("`mine.config.kp`: expected one number, or a"),
+        "{told}"
+    );
     let told = check("kp = [1.0]\nkd = [1.0]");
     assert!(told.contains("key `amplitude` is missing") && told.contains("motorium kinds --exec"), "{told}");
 }
