@@ -107,7 +107,7 @@ impl<E: Engine> Simulation<E> {
         // An engine that is compiled anew has forgotten how it moves.
         self.engine.restore(&self.robot, &state);
         if others {
-            // What friction held asleep may slide now.
+            // An object that sleeps because friction held it may slide now.
             self.engine.wake();
         }
         self.world = world;

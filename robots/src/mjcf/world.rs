@@ -27,7 +27,7 @@ pub struct MjcfWorld {
     pub world: World,
     /// True where the file states gravity.
     pub states_gravity: bool,
-    /// What is left out, each with its place in the text.
+    /// Warnings of elements that are left out, each with its place in the text.
     pub warnings: Vec<ModelWarning>,
 }
 

@@ -47,7 +47,7 @@ pub struct MeshShape {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("format" = "path"))]
     pub visual: Option<PathBuf>,
-    /// What has been read, once for all copies.
+    /// The body that was read from the file, or why it could not be; read once, and shared by all copies.
     #[serde(skip)]
     pub(crate) read: Arc<OnceLock<Result<Arc<MeshBody>, MeshError>>>,
 }

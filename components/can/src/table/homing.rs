@@ -35,8 +35,8 @@ use super::{ControlMode, DriveEntry, Protocol};
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct HomingEntry {
-    /// Who finds the mark: "drive", its own procedure (ODrive, CiA 402; of servos the offset in them), or "stop", the adapter, which
-    /// leads the joint slowly into its mechanical stop (MIT family, moteus, and drives that are commanded torques).
+    /// Finder of the mark: "drive", the drive by its own procedure (ODrive, CiA 402; of servos the offset in them), or "stop", the
+    /// adapter, which leads the joint slowly into its mechanical stop (MIT family, moteus, and drives that are commanded torques).
     pub by: HomingBy,
     /// Joints of a lower number are homed before those of a higher one, those of the same number together. Default 0.
     pub order: Option<u8>,

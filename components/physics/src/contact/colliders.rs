@@ -44,11 +44,11 @@ impl Owner {
     }
 }
 
-/// What a connection holds: a part of the simulation, or one of the objects that are fixed in the world.
+/// One end of a connection: a link, a movable object, or an object that is fixed in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Member {
     pub(crate) owner: Owner,
-    /// Index of the object, of one that is fixed.
+    /// Index of the object, if it is one that is fixed.
     pub(crate) fixed: Option<usize>,
 }
 
@@ -94,7 +94,7 @@ pub(crate) struct ColliderGrain {
 }
 
 impl Collider {
-    /// What a connection holds of it.
+    /// The end of a connection that holds this collider.
     pub(crate) fn member(&self) -> Member {
         Member { owner: self.owner, fixed: self.fixed }
     }

@@ -288,7 +288,7 @@ impl UnixBus {
         false
     }
 
-    /// The next frame or report, whatever the filters; `None` if there is none yet.
+    /// The next frame or report on the bus, which no filter of a program leaves out; `None` if none has come yet.
     pub(crate) fn next(&mut self) -> Option<Traffic> {
         while self.condition != Condition::Gone {
             if self.rest.0 == self.rest.1 && !self.fill() {

@@ -101,7 +101,7 @@ pub struct ActuatorIntervals {
 }
 
 impl ActuatorIntervals {
-    /// These, and those of others where there is none.
+    /// These intervals; where one is missing, that of `other`.
     fn or(self, other: Self) -> Self {
         Self {
             gain: self.gain.or(other.gain),
