@@ -43,7 +43,7 @@ pub(super) struct Trial {
 /// The consequences of one fault.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Consequence {
-    /// From the fault to the launcher's event of it, before it restarts the component, ns.
+    /// From the fault to the time at which the launcher saw it, ns.
     pub(super) detected_ns: Option<u64>,
     /// From the fault to the safe state of the last actuator, ns.
     pub(super) safe_ns: Option<u64>,
@@ -216,7 +216,7 @@ impl Trial {
                     let block = &self.region.components()[index];
                     if block.restarts.load(Relaxed) > before.restarts {
                         seen.detected_ns
-                            .get_or_insert_with(|| self.told_ns(index, injected_ns) - injected_ns);
+                            .get_or_insert_with(|| self.seen_ns(index, injected_ns) - injected_ns);
                     }
                     // Before it was detected the victim itself may have gone on: the first SIGSEGV is swallowed.
                     let since_ns = injected_ns + seen.detected_ns.unwrap_or(0);
@@ -258,16 +258,16 @@ impl Trial {
         }
     }
 
-    /// The time at which the launcher told of the failure of a component, ns: as it wrote it down, since a look from here comes
+    /// The time at which the launcher saw the failure of a component, ns: as it says itself, since a look from here comes
     /// late, by milliseconds while the kernel frees the memory of the victim on this core.
-    fn told_ns(&self, component: usize, injected_ns: u64) -> u64 {
+    fn seen_ns(&self, component: usize, injected_ns: u64) -> u64 {
         let (events, _) = self.region.events().all();
-        let told = events.iter().find(|event| {
+        let failed = events.iter().find(|event| {
             event.kind == EventKind::Failed
                 && event.component == Some(component)
                 && event.time_ns >= injected_ns
         });
-        told.map_or_else(monotonic_ns, |event| event.time_ns)
+        failed.map_or_else(monotonic_ns, |event| event.time_ns)
     }
 
     /// The time at which the last actuator, the victim apart, entered its safe state after a fault, ns.

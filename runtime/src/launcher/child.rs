@@ -289,6 +289,14 @@ impl Child {
         self.ended.as_deref()
     }
 
+    /// The time at which it was seen that its process ends, ns; `None` where the beginning of that was not seen.
+    pub(super) fn seen_ns(&self) -> Option<u64> {
+        match &self.body {
+            Body::Process { ending, .. } => ending.as_ref().and_then(Ending::seen_ns),
+            Body::Thread(_) | Body::Inline(_) | Body::Played => None,
+        }
+    }
+
     /// True once nothing of it is left; reaps the process.
     pub(super) fn is_gone(&mut self) -> bool {
         let Body::Process { process, watch, ending, is_reaped } = &mut self.body else {

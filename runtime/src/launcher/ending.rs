@@ -14,6 +14,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use crate::os::held_word::{self, Flag};
+use crate::os::monotonic_ns;
 use crate::region::Region;
 
 /// A watch over the word that a component's process holds. When the process begins to end, its threads lose their real-time
@@ -27,7 +28,8 @@ pub(super) struct Ending {
 
 struct Seen {
     flag: Flag,
-    status: OnceLock<ExitStatus>,
+    /// The status, and the time at which it was seen, ns.
+    status: OnceLock<(ExitStatus, u64)>,
     is_over: AtomicBool,
 }
 
@@ -50,7 +52,12 @@ impl Ending {
 
     /// The status with which the process ends, once it has begun to and if that is known.
     pub(super) fn status(&self) -> Option<ExitStatus> {
-        self.seen.status.get().copied()
+        self.seen.status.get().map(|(status, _)| *status)
+    }
+
+    /// The time at which that was seen, ns.
+    pub(super) fn seen_ns(&self) -> Option<u64> {
+        self.seen.status.get().map(|(_, seen_ns)| *seen_ns)
     }
 
     /// A descriptor that becomes readable with the status.
@@ -83,7 +90,7 @@ impl Seen {
                 return;
             }
             if let Some(status) = held_word::ending_status(pid) {
-                let _ = self.status.set(status);
+                let _ = self.status.set((status, monotonic_ns()));
                 self.flag.raise();
                 return held_word::demote(pid);
             }

@@ -37,6 +37,8 @@ pub enum Event<'a> {
         reason: &'a str,
         /// The consequence.
         consequence: &'a str,
+        /// The time at which it was seen, ns of the monotonic clock; `None` if that is now.
+        seen_ns: Option<u64>,
     },
     /// A restarted component steps again.
     Restarted {

@@ -97,6 +97,8 @@ impl EventWriter {
         let component = event.component().and_then(|name| self.names.iter().position(|other| other == name));
         let time_ns = match event {
             Event::EnteredSafeState { since_ns, .. } => *since_ns,
+            // A thread with real-time priority saw it; this one may have waited for its turn.
+            Event::Failed { seen_ns: Some(seen_ns), .. } => *seen_ns,
             // Of the same time the less severe one is read first.
             Event::LeftSafeState { before_ns: Some(before_ns), .. } => *before_ns,
             _ => monotonic_ns(),

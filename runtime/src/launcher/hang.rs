@@ -72,10 +72,11 @@ impl Launch {
             block.set_failure(tick, &reason);
             // Its end shows in a moment.
             supervision.watchdog.watch_from(now);
+            supervision.hung_ns = Some(now);
             return None;
         }
         let component = &self.plan.components[index].name;
-        observe(Event::Failed { component, tick, reason: &reason, consequence: "safe stop" });
+        observe(Event::Failed { component, tick, reason: &reason, consequence: "safe stop", seen_ns: None });
         Some(format!("component `{component}` failed at tick {tick}: {reason}"))
     }
 
@@ -150,7 +151,7 @@ impl Launch {
             Ok(()) => "started again",
             Err(_) => "could not be started again: the run goes on unguarded",
         };
-        observe(Event::Failed { component: "guard", tick: 0, reason: &how, consequence });
+        observe(Event::Failed { component: "guard", tick: 0, reason: &how, consequence, seen_ns: None });
         if consequence != "started again" {
             self.guard = None;
         }

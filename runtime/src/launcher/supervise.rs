@@ -51,6 +51,8 @@ pub(super) struct Supervision {
     stepping_since_ns: u64,
     /// It has hung, and its process was killed.
     was_ended: bool,
+    /// The time at which it was seen to hang, ns, until its process has ended.
+    pub(super) hung_ns: Option<u64>,
     /// Restarts in a row that crashed before the component stepped again.
     crashes: u32,
     gone: bool,
@@ -78,6 +80,7 @@ impl Supervision {
             down: None,
             stepping_since_ns: now_ns,
             was_ended: false,
+            hung_ns: None,
             crashes: 0,
             gone: false,
             tolerated: 0,
@@ -212,6 +215,7 @@ impl Launch {
             return None;
         }
         let how = self.children[index].ended()?.to_string();
+        let seen_ns = supervision.hung_ns.take().or(self.children[index].seen_ns());
         let block = &self.region.components()[index];
         let failed = block.phase() != Phase::Stopped;
         if !failed && self.signals.arrives_within(SIGNAL_NS) {
@@ -239,7 +243,8 @@ impl Launch {
                 0 => "restarting".to_string(),
                 delay_ms => format!("restarting in {delay_ms} ms"),
             };
-            observe(Event::Failed { component: &name, tick, reason: &reason, consequence: &consequence });
+            let consequence = &consequence;
+            observe(Event::Failed { component: &name, tick, reason: &reason, consequence, seen_ns });
             let block = &self.region.components()[index];
             block.restarts.fetch_add(1, Relaxed);
             block.forget_failure();
@@ -267,10 +272,11 @@ impl Launch {
         };
         if self.plan.components[index].on_failure == OnFailure::Ignore {
             let consequence = "the graph goes on without it";
-            observe(Event::Failed { component: &name, tick, reason: &reason, consequence });
+            observe(Event::Failed { component: &name, tick, reason: &reason, consequence, seen_ns });
             return Some(AfterEnd::Ignored);
         }
-        observe(Event::Failed { component: &name, tick, reason: &reason, consequence: "safe stop" });
+        let consequence = "safe stop";
+        observe(Event::Failed { component: &name, tick, reason: &reason, consequence, seen_ns });
         Some(AfterEnd::Fatal(format!("component `{name}` failed at tick {tick}: {reason}")))
     }
 
@@ -354,7 +360,7 @@ impl Launch {
             if let Some((tick, reason)) = block.failure() {
                 let component = &self.plan.components[index].name;
                 let consequence = "tolerated, as the graph says; later ones are only counted";
-                observe(Event::Failed { component, tick, reason: &reason, consequence });
+                observe(Event::Failed { component, tick, reason: &reason, consequence, seen_ns: None });
             }
             block.forget_failure();
         }

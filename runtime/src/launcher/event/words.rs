@@ -24,7 +24,7 @@ impl fmt::Display for Event<'_> {
             Self::Lost(what) | Self::Warning(what) => f.write_str(what),
             Self::Started => f.write_str("all ports connected, running"),
             Self::Output { line, .. } => f.write_str(line),
-            Self::Failed { component, tick, reason, consequence } => {
+            Self::Failed { component, tick, reason, consequence, .. } => {
                 write!(f, "`{component}` at tick {tick}: {reason}; {consequence}")
             }
             Self::Restarted { component, after_ns } => {
