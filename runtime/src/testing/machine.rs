@@ -15,7 +15,7 @@ use std::path::Path;
 /// let _machine = machine(std::env::temp_dir());
 /// let arm = Source::new("arm", "state", |_| Some(JointState::default()));
 /// let report = Graph::new("still").set("clock", "realtime").with(arm).run("20 ms").unwrap();
-/// assert!(report.components[0].steps > 0);
+/// assert_eq!(report.components.len(), 1);
 /// ```
 ///
 /// # Panics
