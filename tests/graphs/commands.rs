@@ -185,7 +185,6 @@ config = {{ {config} }}
 
 #[test]
 fn finite_nonsense_moves_no_joint_beyond_its_velocity_limit_and_is_counted_by_joint() {
-    let _machine = machine();
     for (nonsense, limit) in [
         ("far_position", LimitKind::Position),
         ("jumping_position", LimitKind::PositionRate),
@@ -213,7 +212,6 @@ fn finite_nonsense_moves_no_joint_beyond_its_velocity_limit_and_is_counted_by_jo
 
 #[test]
 fn what_is_no_command_is_refused_by_reason_and_the_gate_never_says_it_follows() {
-    let _machine = machine();
     for (nonsense, reason) in [("wrong_count", Refusal::Count), ("negative_gain", Refusal::NegativeGain)] {
         let config = format!("nonsense = \"{nonsense}\", from = 300");
         let (_folder, graph) = rogue(&config, Path::new(ROGUE), "");
@@ -239,7 +237,6 @@ fn what_is_no_command_is_refused_by_reason_and_the_gate_never_says_it_follows() 
 
 #[test]
 fn under_refuse_a_command_beyond_a_limit_puts_the_robot_into_its_safe_state() {
-    let _machine = machine();
     let config = "nonsense = \"far_position\", from = 300, until = 600";
     let (_folder, graph) = rogue(config, Path::new(ROGUE), "limits = \"refuse\"");
     let ended = run(&graph, &["--for", "2 s", "--clock", "lockstep"]);
@@ -285,7 +282,6 @@ stop_together = true
 
 #[test]
 fn a_robot_whose_commands_are_refused_now_and_then_does_not_make_the_other_flap() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let config = "nonsense = \"far_position\", from = 500, until = 1500, every = 50";
     let graph = two_robots(folder.path(), config);

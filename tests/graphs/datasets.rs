@@ -8,7 +8,7 @@ use std::process::Command;
 use motorium_bridges::recording::{RecordedPicture, Recording};
 
 use crate::exports::{motorium, printed, python, text};
-use crate::support::{machine, run, workspace};
+use crate::support::{run, workspace};
 
 const FPS: u64 = 20;
 
@@ -162,7 +162,6 @@ print("lerobot", lerobot.__version__, "opens", data.num_episodes, "episodes of",
 
 #[test]
 fn a_dataset_has_of_each_frame_the_newest_picture_of_each_camera() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path());
     let recording = Recording::open(&file).expect("a recording");
@@ -209,7 +208,6 @@ fn a_dataset_has_of_each_frame_the_newest_picture_of_each_camera() {
 
 #[test]
 fn pictures_that_a_dataset_cannot_hold_are_refused_and_may_be_left_out() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let (file, dataset) = (recorded(folder.path()), folder.path().join("eyes"));
     let export = |arguments: &[&str]| {

@@ -194,7 +194,6 @@ fn repeatable(events: &[LoggedEvent]) -> Vec<Told> {
 
 #[test]
 fn in_lockstep_equal_runs_tell_the_same_at_the_same_simulated_times_in_any_hosting() {
-    let _machine = machine();
     let graph = panda_reach();
     let of_hosting = |hosting: &str| {
         let arguments = ["--for", "700 ms", "--hosting", hosting, "--episodes", "2", "--vary-seed"];
@@ -214,7 +213,6 @@ fn in_lockstep_equal_runs_tell_the_same_at_the_same_simulated_times_in_any_hosti
 
 #[test]
 fn refused_commands_are_in_the_log_with_their_reason() {
-    let _machine = machine();
     let config = "nonsense = \"far_position\", from = 300, until = 600";
     let (_folder, graph) =
         crate::commands::rogue(config, Path::new(crate::commands::ROGUE), "limits = \"refuse\"");
@@ -244,7 +242,6 @@ fn a_flood_of_printed_lines_is_bounded_in_the_report_and_counted() {
 
 #[test]
 fn a_session_reads_its_events_once_each() {
-    let _machine = machine();
     let path = workspace().join("graphs/panda-reach.toml");
     let text = std::fs::read_to_string(&path).expect("the graph is there");
     let settings = ["clock=lockstep".parse().expect("an override")];

@@ -1,6 +1,5 @@
 //! Resources that run out: each is named, and nothing is left behind.
 
-use std::collections::BTreeSet;
 use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -24,25 +23,17 @@ fn shell(line: &str) -> Command {
     command
 }
 
-/// All there is in shared memory, folders of runs included.
-fn shared_memory() -> BTreeSet<String> {
-    let inside = |path: &Path| -> Vec<String> {
-        let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
-        entries.map(|entry| entry.path().display().to_string()).collect()
-    };
-    let all = inside(Path::new("/dev/shm"));
-    all.iter().flat_map(|path| inside(Path::new(path))).chain(all.clone()).collect()
-}
+/// The name of each run here, by which it is told whether it has left anything behind: others may run at the same time.
+const NAME: &str = "short-of-something";
 
 /// Runs a graph under a limit. It must run, or end with exit code 1 and one of these words; nothing stays behind.
 fn limited(limit: &str, words: &[&str]) -> bool {
-    let before = shared_memory();
     let line = format!(
-        "{limit}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms --set realtime.lost_steps=1"
+        "{limit}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --name {NAME} --force --for 200ms --set realtime.lost_steps=1"
     );
     let output = shell(&line).output().expect("bash runs");
     let text = text(&output);
-    assert_eq!(shared_memory(), before, "`{limit}` left something behind: {text}");
+    assert_eq!(leftovers(NAME), Vec::<String>::new(), "`{limit}` left something behind: {text}");
     if output.status.success() {
         return true;
     }
@@ -79,16 +70,20 @@ fn too_few_processes_are_named_and_nothing_is_left_behind() {
     {
         return eprintln!("skipped: needs root, and a program that other users can start");
     }
-    let before = shared_memory();
     let mut ran = Vec::new();
     // The shell is one, and each process of the graph has some threads.
     for processes in [1, 2, 3, 4, 6, 8, 10, 12, 16, 17, 18, 19, 20, 200] {
         let line = format!(
-            "ulimit -u {processes}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --force --for 200ms --set realtime.lost_steps=1"
+            "ulimit -u {processes}; exec \"$MOTORIUM\" run graphs/panda-reach.toml --name {NAME} --force --for 200ms --set realtime.lost_steps=1"
         );
         let output = shell(&line).uid(LONELY).gid(LONELY).output().expect("bash runs");
         let text = text(&output);
-        assert_eq!(shared_memory(), before, "{processes} processes: {text}");
+        assert_eq!(leftovers(NAME), Vec::<String>::new(), "{processes} processes: {text}");
+        assert_eq!(
+            leftovers(&format!("motorium-{LONELY}")),
+            Vec::<String>::new(),
+            "{processes} processes: {text}"
+        );
         assert!(matches!(output.status.code(), Some(0 | 1)), "{processes}: {:?} {text}", output.status);
         assert!(!text.contains("panicked"), "{processes}: {text}");
         assert!(output.status.success() || text.contains("`ulimit -u"), "{processes}: {text}");
@@ -130,9 +125,8 @@ fn a_component_that_opens_all_the_files_it_may_is_told_and_follows_the_policy() 
     let _machine = machine();
     let restart = "restart = { when = \"failure\" }\ncore = 0\ncpu_limit = \"30 s\"\nhang_after = \"30 s\"";
     let (_folder, graph) = faulty("{ fault = \"open\", at = 200, once = true }", restart);
-    let before = shared_memory();
     let run = format!(
-        "ulimit -n 256; exec \"$MOTORIUM\" run {} --force --for 4s --set realtime.lost_steps=1",
+        "ulimit -n 256; exec \"$MOTORIUM\" run {} --name {NAME} --force --for 4s --set realtime.lost_steps=1",
         graph.display()
     );
     let output = shell(&run).output().expect("bash runs");
@@ -140,7 +134,7 @@ fn a_component_that_opens_all_the_files_it_may_is_told_and_follows_the_policy() 
     assert_eq!(output.status.code(), Some(0), "{text}");
     let told = ["`faulty` at tick 200", "Too many open files", "`faulty` steps again after"];
     assert!(told.iter().all(|words| text.contains(words)), "{text}");
-    assert_eq!(shared_memory(), before, "{text}");
+    assert_eq!(leftovers(NAME), Vec::<String>::new(), "{text}");
 }
 
 #[test]
@@ -259,9 +253,8 @@ fn a_component_that_takes_all_the_memory_it_may_dies_alone_and_follows_the_polic
     let restart = "restart = { when = \"failure\" }";
     let settings = format!("{restart}\ncore = 0\ncpu_limit = \"30 s\"\nhang_after = \"30 s\"");
     let (_folder, graph) = faulty("{ fault = \"devour\", at = 200, once = true }", &settings);
-    let before = shared_memory();
     let line = format!(
-        "ulimit -v 1500000; exec \"$MOTORIUM\" run {} --force --for 6s --set realtime.lost_steps=1",
+        "ulimit -v 1500000; exec \"$MOTORIUM\" run {} --name {NAME} --force --for 6s --set realtime.lost_steps=1",
         graph.display()
     );
     let output = shell(&line).output().expect("bash runs");
@@ -269,19 +262,20 @@ fn a_component_that_takes_all_the_memory_it_may_dies_alone_and_follows_the_polic
     assert_eq!(output.status.code(), Some(0), "{text}");
     let told = ["`faulty` at tick 200", "memory allocation of", "SIGABRT", "`faulty` steps again after"];
     assert!(told.iter().all(|words| text.contains(words)), "{text}");
-    assert_eq!(shared_memory(), before, "{text}");
+    assert_eq!(leftovers(NAME), Vec::<String>::new(), "{text}");
 }
 
 #[test]
 fn a_full_disk_takes_the_report_and_the_events_but_neither_the_run_nor_its_end() {
     let _machine = machine();
-    let before = shared_memory();
-    let run = "\"$MOTORIUM\" run graphs/panda-reach.toml --force --for 500ms --set realtime.lost_steps=1";
+    let run = format!(
+        "\"$MOTORIUM\" run graphs/panda-reach.toml --name {NAME} --force --for 500ms --set realtime.lost_steps=1"
+    );
     let events = Ended::of(&shell(&format!("{run} --json 2>/dev/full")).output().expect("bash runs"));
     assert_eq!((events.code, &events.report().exit), (Some(0), &Exit::Finished));
     let report = shell(&format!("{run} --json >/dev/full")).output().expect("bash runs");
     let told = text(&report);
     assert_eq!(report.status.code(), Some(1), "{told}");
     assert!(told.contains("No space left on device"), "{told}");
-    assert_eq!(shared_memory(), before, "{told}");
+    assert_eq!(leftovers(NAME), Vec::<String>::new(), "{told}");
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
 use crate::MOTORIUM;
-use crate::support::{machine, run, workspace};
+use crate::support::{run, workspace};
 
 pub(crate) fn motorium(arguments: &[&str]) -> Output {
     Command::new(MOTORIUM)
@@ -137,7 +137,6 @@ print("whole")
 
 #[test]
 fn pyarrow_reads_the_tables_and_the_dataset_of_a_recording() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path());
     let tables = folder.path().join("tables");
@@ -164,7 +163,6 @@ fn pyarrow_reads_the_tables_and_the_dataset_of_a_recording() {
 
 #[test]
 fn a_dataset_of_what_was_not_recorded_is_refused_with_what_there_is() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path());
     let refused = |arguments: &[&str]| {
@@ -215,7 +213,6 @@ print(width, height, counts.get(bytes([31, 111, 235]), 0) > 1000, counts[bytes([
 
 #[test]
 fn a_plot_is_a_picture_that_the_standard_reader_accepts() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path());
     let picture = folder.path().join("a.png");

@@ -9,7 +9,6 @@ use serde_json::json;
 
 #[test]
 fn the_quadruped_trots_forward() {
-    let _machine = machine();
     let graph = workspace().join("graphs/quadruped-trot.toml");
     let ended = run(&graph, &["--clock", "lockstep", "--for", "6 s"]);
     let report = ended.report();
@@ -76,7 +75,6 @@ fn gait_frequency_and_phases_of_a_running_quadruped_are_set_at_once_or_not_at_al
 
 #[test]
 fn the_quadruped_trots_by_model_predictive_control_at_the_velocity_that_it_is_told() {
-    let _machine = machine();
     let graph = workspace().join("graphs/quadruped-mpc.toml");
     let trot =
         |arguments: &[&str]| run(&graph, &[&["--clock", "lockstep", "--for", "6 s"][..], arguments].concat());
@@ -103,7 +101,6 @@ fn the_quadruped_trots_by_model_predictive_control_at_the_velocity_that_it_is_to
 
 #[test]
 fn the_quadruped_trots_up_a_slope_with_stones_by_what_its_feet_feel() {
-    let _machine = machine();
     let graph = workspace().join("graphs/quadruped-slope.toml");
     let ended = run(&graph, &["--clock", "lockstep"]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);

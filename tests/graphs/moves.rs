@@ -1,6 +1,6 @@
 //! Robots that drive, fly and move their joints: whole graphs, measured by what the simulation knows.
 
-use crate::support::{Ended, machine, run, workspace};
+use crate::support::{Ended, run, workspace};
 
 fn whole(graph: &str, arguments: &[&str]) -> Ended {
     let arguments = [&["--clock", "lockstep"], arguments].concat();
@@ -21,7 +21,6 @@ fn assert_nothing_allocates(ended: &Ended) {
 
 #[test]
 fn a_square_of_two_metres_is_driven_within_two_centimetres_and_a_degree_at_each_corner() {
-    let _machine = machine();
     let ended = whole("drive-square.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!(number(&ended, "policy", "goals_reached"), 4.0);
@@ -37,7 +36,6 @@ fn a_square_of_two_metres_is_driven_within_two_centimetres_and_a_degree_at_each_
 
 #[test]
 fn a_square_that_is_missed_is_no_success() {
-    let _machine = machine();
     // wheels of another angle than it believes: the odometry is right about the way, and wrong about the world
     let ended = whole("drive-square.toml", &["--set", "controller.config.start.yaw=0.1", "--for", "25 s"]);
     assert_eq!(ended.code, Some(8), "{}", ended.stderr);
@@ -46,7 +44,6 @@ fn a_square_that_is_missed_is_no_success() {
 
 #[test]
 fn a_quadrotor_takes_off_and_hovers_within_a_centimetre() {
-    let _machine = machine();
     let ended = whole("hover.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!(number(&ended, "controller", "goals_reached"), 2.0);
@@ -60,7 +57,6 @@ fn a_quadrotor_takes_off_and_hovers_within_a_centimetre() {
 
 #[test]
 fn a_panda_goes_through_its_waypoints() {
-    let _machine = machine();
     let ended = whole("panda-waypoints.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert!(number(&ended, "policy", "goals_reached") >= 4.0);
@@ -72,7 +68,6 @@ fn a_panda_goes_through_its_waypoints() {
 
 #[test]
 fn a_panda_puts_a_cube_into_a_bin_and_twice_to_the_same_bit() {
-    let _machine = machine();
     let runs = [(); 2].map(|()| whole("pick-and-place.toml", &[]));
     for ended in &runs {
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -89,7 +84,6 @@ fn a_panda_puts_a_cube_into_a_bin_and_twice_to_the_same_bit() {
 
 #[test]
 fn a_cube_that_a_belt_brings_ends_in_the_bin_and_a_ball_where_its_rolling_friction_stops_it() {
-    let _machine = machine();
     let ended = whole("conveyor.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let objects = &ended.report().results["physics"]["objects"];
@@ -107,7 +101,6 @@ fn a_cube_that_a_belt_brings_ends_in_the_bin_and_a_ball_where_its_rolling_fricti
 
 #[test]
 fn an_arm_whose_fingers_are_held_reaches_with_seven_joints() {
-    let _machine = machine();
     let overlay = workspace().join("graphs/overlays/panda-arm.toml");
     let ended = whole("panda-reach.toml", &["--for", "4 s", "--with", overlay.to_str().expect("UTF-8")]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -118,7 +111,6 @@ fn an_arm_whose_fingers_are_held_reaches_with_seven_joints() {
 
 #[test]
 fn an_arm_reaches_by_accelerations_alone_and_by_their_torques_alone() {
-    let _machine = machine();
     for arguments in [&[][..], &["--set", "controller.config.inverse_dynamics.impedance=0.0"]] {
         let ended = whole("panda-accelerations.toml", &[&["--for", "5 s"], arguments].concat());
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -131,7 +123,6 @@ fn an_arm_reaches_by_accelerations_alone_and_by_their_torques_alone() {
 
 #[test]
 fn a_quadruped_sways_by_contact_forces_alone() {
-    let _machine = machine();
     let ended = whole("quadruped-forces.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!(number(&ended, "controller", "goals_missed"), 0.0);

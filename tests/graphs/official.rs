@@ -4,7 +4,6 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use crate::recording::{recorded, text};
-use crate::support::machine;
 
 /// Reads each message of Foxglove's with the class that they generate themselves, and by the schema in the file; prints how many.
 const READER: &str = r#"
@@ -40,7 +39,6 @@ fn foxgloves_own_classes_read_every_message_for_viewers_as_its_schema_does() {
         );
         return;
     }
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let contacts = ["--set", "physics.publish.contacts=\"quadruped/contacts\""];
     let of_camera = ["CameraCalibration", "FrameTransforms", "JointStates", "Log", "PoseInFrame", "RawImage"];

@@ -38,7 +38,6 @@ pub(crate) fn verified(file: &Path, arguments: &[&str]) -> (Option<i32>, String)
 
 #[test]
 fn an_arm_a_quadruped_and_two_arms_run_again_to_the_last_bit() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     for graph in ["panda-reach.toml", "quadruped-trot.toml", "two-arms.toml"] {
         let file = recorded(folder.path(), graph, &["--for", "400 ms"]);
@@ -50,7 +49,6 @@ fn an_arm_a_quadruped_and_two_arms_run_again_to_the_last_bit() {
 
 #[test]
 fn a_damaged_value_is_found_and_told_with_its_topic_and_field() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
     let mut bytes = std::fs::read(&file).expect("readable");
@@ -82,7 +80,6 @@ fn a_damaged_value_is_found_and_told_with_its_topic_and_field() {
 
 #[test]
 fn a_controller_runs_on_the_recorded_sensors() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
     let output = motorium(&["replay", text(&file), "--live", "controller", "--speed", "0", "--json"]);
@@ -179,7 +176,6 @@ fn the_reader_of_mcap_for_python_reads_every_sample() {
         );
         return;
     }
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "250 ms"]);
     let output = Command::new(&python).args(["-c", READER, text(&file)]).output().expect("python runs");
@@ -228,7 +224,6 @@ fn the_reader_of_mcap_for_python_sees_the_ball_in_the_middle_and_depths_in_metre
         );
         return;
     }
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     for (graph, topics, span, expected) in [
         (
@@ -260,7 +255,6 @@ fn the_reader_of_mcap_for_python_sees_the_ball_in_the_middle_and_depths_in_metre
 
 #[test]
 fn the_score_of_a_recording_is_what_the_controller_found_and_tells_a_missed_goal() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("a.mcap");
     let arguments = ["--clock", "lockstep", "--for", "5s", "--record", text(&file)];
@@ -311,7 +305,6 @@ fn the_score_of_a_recording_is_what_the_controller_found_and_tells_a_missed_goal
 
 #[test]
 fn a_recording_is_drawn_told_and_exported() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "300 ms"]);
     let picture = folder.path().join("a.svg");

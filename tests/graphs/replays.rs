@@ -63,7 +63,6 @@ fn a_replay_finds_all_of_its_memory_before_it_steps() {
 
 #[test]
 fn an_arm_elsewhere_is_led_to_the_start_of_a_recording_within_its_limits_and_to_rest_behind_its_end() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     // It ends in the middle of a movement.
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "700 ms"]);
@@ -111,7 +110,6 @@ fn an_arm_elsewhere_is_led_to_the_start_of_a_recording_within_its_limits_and_to_
 
 #[test]
 fn an_arm_that_is_too_far_from_a_recording_is_not_moved() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "100 ms"]);
     let (plan, home) = to_a_panda_elsewhere(&Recording::open(&file).expect("a recording"), 1.2);
@@ -128,7 +126,6 @@ fn an_arm_that_is_too_far_from_a_recording_is_not_moved() {
 
 #[test]
 fn the_command_says_which_robots_are_led_and_which_are_not() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "panda-reach.toml", &["--for", "200 ms"]);
     let both = ["--live", "physics", "--live", "encoder"];
@@ -151,7 +148,6 @@ fn the_command_says_which_robots_are_led_and_which_are_not() {
 
 #[test]
 fn all_episodes_are_replayed_or_one_of_them_and_verified_with_and_without_components() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file =
         recorded(folder.path(), "panda-reach.toml", &["--for", "200 ms", "--episodes", "3", "--vary-seed"]);
@@ -182,7 +178,6 @@ fn all_episodes_are_replayed_or_one_of_them_and_verified_with_and_without_compon
 
 #[test]
 fn an_episode_that_was_over_early_is_over_early_in_its_replay() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let goals =
         r#"policy.config.goals=[{ offset = [0.01, 0.0, 0.0], duration = "150 ms", dwell = "20 ms" }]"#;

@@ -127,7 +127,6 @@ fn the_wait_and_the_wake_are_the_only_system_calls_of_a_step_until_it_has_publis
 
 #[test]
 fn two_lockstep_runs_publish_the_same_to_the_last_bit_and_another_seed_does_not() {
-    let _machine = machine();
     let once = run(&panda_reach(), &["--clock", "lockstep"]);
     let twice = run(&panda_reach(), &["--clock", "lockstep"]);
     let other = run(&panda_reach(), &["--clock", "lockstep", "--set", "seed=7"]);

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use crate::recording::{motorium, recorded, text};
-use crate::support::machine;
 
 /// The score of a recording as JSON, and as text.
 fn scored(file: &Path) -> (serde_json::Value, String) {
@@ -17,7 +16,6 @@ fn scored(file: &Path) -> (serde_json::Value, String) {
 
 #[test]
 fn an_orientation_that_a_task_leaves_free_is_neither_missed_nor_told() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "humanoid-reach.toml", &["--for", "3 s", "--no-expect"]);
     let (score, said) = scored(&file);
@@ -34,7 +32,6 @@ fn an_orientation_that_a_task_leaves_free_is_neither_missed_nor_told() {
 
 #[test]
 fn a_target_that_is_looked_at_is_no_goal() {
-    let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let file = recorded(folder.path(), "camera-servo.toml", &["--for", "500 ms", "--no-expect"]);
     let (score, said) = scored(&file);

@@ -31,7 +31,6 @@ const MS: Duration = Duration::from_millis(1);
 
 #[test]
 fn processes_threads_and_one_thread_publish_the_same_to_the_last_bit() {
-    let _machine = machine();
     for file in ["panda-reach.toml", "quadruped-trot.toml"] {
         let graph = workspace().join("graphs").join(file);
         let hash = |hosting: &str| {
@@ -46,7 +45,6 @@ fn processes_threads_and_one_thread_publish_the_same_to_the_last_bit() {
 
 #[test]
 fn episodes_with_one_seed_are_equal_and_with_seeds_of_their_own_are_not() {
-    let _machine = machine();
     for file in ["panda-reach.toml", "quadruped-trot.toml"] {
         let graph = workspace().join("graphs").join(file);
         let lockstep = ["--clock", "lockstep", "--for", "400 ms"];
@@ -142,7 +140,6 @@ fn a_value_that_a_session_publishes_has_the_time_at_which_it_was_measured() {
 
 #[test]
 fn a_session_in_processes_is_driven_as_one_inline() {
-    let _machine = machine();
     let in_processes = Options::processes(MOTORIUM.into()).standing_in_for("policy");
     let mut inline = launch(plan("panda-reach.toml", &[]), &Options::inline().standing_in_for("policy"));
     let mut processes = launch(plan("panda-reach.toml", &[]), &in_processes);

@@ -10,7 +10,7 @@ use iceoryx2::prelude::{Node, NodeBuilder, SignalHandlingMode, ipc_threadsafe};
 use motorium::launcher::{Exit, Report};
 use motorium::prelude::*;
 use motorium::run_folder::RunFolder;
-use motorium::testing::{Function, Graph, Instance, Probe, Source};
+use motorium::testing::{Function, Graph, Instance, Probe, Source, machine};
 use motorium_bridges::Iceoryx2Bridge;
 use serde_json::Value;
 
@@ -294,6 +294,7 @@ fn flood() {
 
 #[test]
 fn programs_that_flood_and_are_killed_change_nothing_but_the_limited_topic() {
+    let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let name = name("flooded");
     let (probe, reader) =
         (Probe::<PoseTarget>::of("arm/target").triggered(), Probe::<JointState>::of("arm/state").triggered());

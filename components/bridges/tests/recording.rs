@@ -7,6 +7,7 @@ use motorium::launcher::{Exit, Options, Report};
 use motorium::prelude::*;
 use motorium::session;
 use motorium::state::{JointState, Stamp, from_bytes};
+use motorium::testing::machine;
 use motorium::worker::{Kind, Registry, RobotSource};
 use motorium_bridges::recording::{self, Recording, What, recover, verify};
 
@@ -264,6 +265,7 @@ fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
 fn in_real_time_every_sample_is_recorded_or_counted_as_lost() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.mcap");
+    let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let text = GRAPH.replace("lockstep", "realtime") + &recorder(&file);
     let report = run(&text, &Options::threads());
     let recording = Recording::open(&file).unwrap();

@@ -18,6 +18,23 @@ pub(crate) fn load(robot: &RobotReference) -> Result<Loaded, ConfigError> {
     .map_err(|error| ConfigError::new(error.to_string()))
 }
 
+/// A robot whose joint positions alone determine the pose of the frame that is led, and that frame.
+pub(crate) fn load_fixed(
+    reference: &RobotReference,
+    frame: Option<&str>,
+) -> Result<(Loaded, FrameId), ConfigError> {
+    let loaded = load(reference)?;
+    if loaded.model.base().floating {
+        let message = format!(
+            "robot `{}` has a floating base: its joint positions alone do not determine the pose of its end effector",
+            reference.name
+        );
+        return Err(ConfigError::new(message).advise("use a robot with a fixed base, or a policy of joints"));
+    }
+    let id = end_effector(&loaded, frame, "frame")?;
+    Ok((loaded, id))
+}
+
 /// The controlled frame: the one configured under `key`, else that of the robot's only end effector.
 pub(crate) fn end_effector(robot: &Loaded, frame: Option<&str>, key: &str) -> Result<FrameId, ConfigError> {
     robot.end_effector(frame).map_err(|error| {

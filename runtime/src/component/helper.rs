@@ -1,13 +1,12 @@
 //! Threads beside the stepping thread of a component, for work that must not be done in a step.
 
-use std::os::fd::AsFd;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::{Acquire, Release};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::{ConfigureError, Setup};
+use super::ConfigureError;
 use crate::os;
 use crate::plan::SchedulingClass;
 
@@ -15,73 +14,6 @@ use crate::plan::SchedulingClass;
 const INTERRUPT_EVERY: Duration = Duration::from_millis(1);
 /// Longest name of a thread, bytes.
 const LONGEST_NAME: usize = 15;
-
-impl Setup {
-    /// Starts a thread beside the stepping one, for work that must not be done in a step: printing, files, slow devices.
-    ///
-    /// It runs at normal priority on the shared cores of the graph, under `name` (1 to 15 bytes), and its allocations are
-    /// not counted as those of the steps. When the component has stopped, the request to stop is made, a
-    /// [`wait`](StopRequest::wait) or a system call in which the thread waits ends, and the thread is joined; it has half of
-    /// the component's `stop_within` for that.
-    ///
-    /// ```
-    /// use motorium::prelude::*;
-    /// use crossbeam_channel::{Receiver, Sender, bounded};
-    /// use std::time::Duration;
-    ///
-    /// /// Writes numbers to a file. A step hands them over by `try_send`, which never waits.
-    /// fn writer(setup: &mut Setup) -> Result<Sender<f64>, ConfigureError> {
-    ///     let (sender, receiver): (_, Receiver<f64>) = bounded(1_000);
-    ///     setup.helper("writer", move |stop| loop {
-    ///         let last_round = stop.wait(Duration::from_millis(20));
-    ///         receiver.try_iter().for_each(|number| println!("{number}"));
-    ///         if last_round {
-    ///             return;
-    ///         }
-    ///     })?;
-    ///     Ok(sender)
-    /// }
-    /// ```
-    ///
-    /// # Errors
-    /// The name is empty or too long, or the system has no room for a thread.
-    pub fn helper(
-        &mut self,
-        name: &str,
-        run: impl FnOnce(&StopRequest) + Send + 'static,
-    ) -> Result<(), ConfigureError> {
-        let cores = self.plan().scheduling.shared_cores.clone();
-        self.helpers.start(name, cores, run)
-    }
-
-    /// Names the descriptor, such as a socket or a bus, that releases the steps of this component where the graph says
-    /// `activate = { on = "fd", ... }`; elsewhere it does nothing. The component declares
-    /// [`wakes_on_descriptor`](crate::declare::Declare::wakes_on_descriptor).
-    ///
-    /// A step is released while the descriptor is readable: the step reads what there is, without waiting. What it leaves
-    /// releases another step.
-    ///
-    /// ```
-    /// use motorium::prelude::*;
-    /// use std::net::UdpSocket;
-    ///
-    /// fn listen(setup: &mut Setup) -> Result<UdpSocket, ConfigureError> {
-    ///     let socket = UdpSocket::bind("127.0.0.1:7400").map_err(ConfigureError::failed)?;
-    ///     socket.set_nonblocking(true).map_err(ConfigureError::failed)?;
-    ///     setup.wake_on(&socket)?;
-    ///     Ok(socket)
-    /// }
-    /// ```
-    ///
-    /// # Errors
-    /// The system has no room for another descriptor.
-    pub fn wake_on(&mut self, descriptor: &impl AsFd) -> Result<(), ConfigureError> {
-        // A descriptor of its own: the component may close the other one.
-        let own = descriptor.as_fd().try_clone_to_owned().map_err(ConfigureError::failed)?;
-        self.descriptor = Some(own);
-        Ok(())
-    }
-}
 
 /// The request to a helper thread to stop, as it sees it.
 ///

@@ -9,6 +9,7 @@
 //! * `Kind` and `Registry` make a component type known by name, such
 //!   as `physics.rapier`.
 
+mod beside;
 mod checkpoint;
 mod clock;
 mod error;

@@ -11,6 +11,7 @@ mod gate;
 mod header;
 mod mapping;
 mod trace;
+mod trace_ends;
 mod turn;
 
 pub use blocks::{ComponentBlock, EdgeBlock, LatencyBlock, MissCause, Misses, Stalls, TopicBlock};
@@ -26,6 +27,7 @@ pub use gate::{GateBlock, GateReport, GateState, Latch, LimitKind, Limited, Refu
 pub use header::{Command, Header, Phase};
 pub(crate) use mapping::layout_digest;
 pub use mapping::{Region, RegionError};
-pub(crate) use trace::TraceWriter;
-pub use trace::{TraceEvent, TraceReader};
+pub use trace::TraceEvent;
+pub use trace_ends::TraceReader;
+pub(crate) use trace_ends::TraceWriter;
 pub use turn::TurnBlock;

@@ -4,12 +4,8 @@
 //! words, and `written` counts those that are whole. The next event goes into the slot of the oldest one: a reader takes an
 //! event only if, after it has read the words, `written` shows that its slot was not the next to be written.
 
-use std::cell::Cell;
-use std::rc::Rc;
 use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU64, fence};
-
-use super::Region;
 
 /// Most events that a ring keeps.
 pub(super) const MOST_EVENTS: usize = 1 << 20;
@@ -23,13 +19,13 @@ const KIND_AT: u32 = 56;
 #[repr(C, align(64))]
 pub(super) struct TraceHead {
     /// Events written so far.
-    written: AtomicU64,
+    pub(super) written: AtomicU64,
 }
 
 /// The place of one event.
 #[derive(Debug, Default)]
 #[repr(C)]
-pub(super) struct TraceSlot([AtomicU64; WORDS]);
+pub(super) struct TraceSlot(pub(super) [AtomicU64; WORDS]);
 
 /// The ring of one component.
 #[derive(Debug, Clone, Copy)]
@@ -96,7 +92,7 @@ impl TraceEvent {
     }
 
     /// `None` if the words are no event: the ring is damaged.
-    fn decode([first, a, b, c]: [u64; WORDS]) -> Option<Self> {
+    pub(super) fn decode([first, a, b, c]: [u64; WORDS]) -> Option<Self> {
         let number = first & ((1 << KIND_AT) - 1);
         let index = number as usize;
         match first >> KIND_AT {
@@ -111,7 +107,7 @@ impl TraceEvent {
 impl TraceRing<'_> {
     /// Writes the event of this number, counted from 0, in place of the oldest one.
     #[inline(always)]
-    fn write(self, number: u64, event: TraceEvent) {
+    pub(super) fn write(self, number: u64, event: TraceEvent) {
         // What readers see of the words to come, they see together with the number of the event before.
         fence(Release);
         let slot = &self.slots[number as usize & (self.slots.len() - 1)];
@@ -120,94 +116,13 @@ impl TraceRing<'_> {
     }
 
     /// Reads the event of a number below `written`; `None` if it was overwritten.
-    fn read(self, number: u64) -> Option<[u64; WORDS]> {
+    pub(super) fn read(self, number: u64) -> Option<[u64; WORDS]> {
         let slot = &self.slots[number as usize & (self.slots.len() - 1)];
         let words = core::array::from_fn(|word| slot.0[word].load(Relaxed));
         fence(Acquire);
         // The event that comes next may be in its slot by half.
         let kept = self.head.written.load(Relaxed).saturating_sub(number) < self.slots.len() as u64;
         kept.then_some(words)
-    }
-}
-
-/// The writing side of a component's ring.
-#[derive(Debug)]
-pub(crate) struct TraceWriter {
-    region: Rc<Region>,
-    component: usize,
-    written: Cell<u64>,
-}
-
-impl TraceWriter {
-    /// The writer of a component, behind what its predecessor has written; `None` if the run is not traced.
-    pub(crate) fn open(region: &Rc<Region>, component: usize) -> Option<Self> {
-        let ring = region.trace(component)?;
-        // The pages are there before the first step: a write that changes nothing maps them.
-        ring.slots.iter().for_each(|slot| {
-            slot.0[0].fetch_or(0, Relaxed);
-        });
-        let written = Cell::new(ring.head.written.load(Acquire));
-        Some(Self { region: region.clone(), component, written })
-    }
-
-    /// Writes an event.
-    #[inline]
-    pub(crate) fn write(&self, event: TraceEvent) {
-        let number = self.written.get();
-        self.written.set(number.wrapping_add(1));
-        if let Some(ring) = self.region.trace(self.component) {
-            ring.write(number, event);
-        }
-    }
-}
-
-/// A reader of the trace of one component, which remembers what it has read.
-///
-/// ```no_run
-/// use motorium::region::{Region, TraceReader};
-///
-/// let region = Region::open("/dev/shm/motorium-0/arm-0a1b2c3d/region".as_ref())?;
-/// let mut reader = TraceReader::new(0);
-/// for event in reader.read(&region) {
-///     println!("{event:?}");
-/// }
-/// println!("{} were overwritten before they were read", reader.lost());
-/// # Ok::<(), motorium::region::RegionError>(())
-/// ```
-#[derive(Debug, Clone)]
-pub struct TraceReader {
-    component: usize,
-    /// Events read or lost so far.
-    read: u64,
-    lost: u64,
-}
-
-impl TraceReader {
-    /// A reader of the component of this index in the plan, from its first event on.
-    pub fn new(component: usize) -> Self {
-        Self { component, read: 0, lost: 0 }
-    }
-
-    /// The events since the last call, oldest first; none if the run is not traced.
-    pub fn read(&mut self, region: &Region) -> Vec<TraceEvent> {
-        let Some(ring) = region.trace(self.component) else { return Vec::new() };
-        let written = ring.head.written.load(Acquire);
-        // Numbers only rise, but in a damaged ring.
-        self.read = self.read.min(written);
-        // That of the event being written is the oldest one's.
-        let oldest = written.saturating_sub(ring.slots.len() as u64 - 1);
-        self.lost += oldest.saturating_sub(self.read);
-        self.read = self.read.max(oldest);
-        let numbers = self.read..written;
-        self.read = written;
-        let events: Vec<_> = numbers.clone().filter_map(|n| TraceEvent::decode(ring.read(n)?)).collect();
-        self.lost += (numbers.end - numbers.start) - events.len() as u64;
-        events
-    }
-
-    /// Number of events that were overwritten before this reader came to them.
-    pub fn lost(&self) -> u64 {
-        self.lost
     }
 }
 

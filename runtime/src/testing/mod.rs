@@ -3,7 +3,8 @@
 //! A test builds a [`Graph`] in code, or takes the text of a graph file and adds to it, and runs it hosted: every
 //! component is a thread of the test's process, by default in lockstep, so that a run of a simulated second takes
 //! milliseconds and gives the same numbers every time. [`Source`] publishes what a closure returns, [`Function`]
-//! answers an input with an output, [`Probe`] records what it reads.
+//! answers an input with an output, [`Probe`] records what it reads. A test of a graph in real time holds the [`machine`]
+//! meanwhile.
 //!
 //! ```
 //! use motorium::prelude::*;
@@ -54,11 +55,16 @@
 //! ```
 
 mod allocations;
+mod closure;
 mod graph;
+mod instance;
+mod machine;
 mod parts;
 mod topics;
 
 pub use allocations::allocations;
-pub use graph::{Graph, Instance, RunError};
+pub use graph::{Graph, RunError};
+pub use instance::Instance;
+pub use machine::machine;
 pub use parts::{Function, Probe, Sample, Source};
 pub use topics::{Endpoint, TopicSet, TopicSetError};

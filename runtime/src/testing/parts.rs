@@ -1,14 +1,11 @@
 //! Components made of closures: sources, functions, probes.
 
-use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 
-use serde::Deserialize;
-
-use super::graph::Instance;
-use crate::component::{Component, ConfigureError, Setup, Tick};
-use crate::declare::{ConfigError, Declare, StepError};
+use super::closure::{Closure, Part, Step, lock};
+use super::instance::Instance;
+use crate::component::{ConfigureError, Setup, Tick};
+use crate::declare::{Declare, StepError};
 use crate::state::{Stamp, StateBuffer};
 use crate::telemetry::set_apart;
 
@@ -188,81 +185,17 @@ impl<T: StateBuffer + Send> From<&Probe<T>> for Instance {
     }
 }
 
-type Step = Box<dyn FnMut(&Tick) -> Result<(), StepError>>;
-type Open = Box<dyn FnOnce(&mut Setup) -> Result<Step, ConfigureError> + Send>;
-
-fn step(step: impl FnMut(&Tick) -> Result<(), StepError> + 'static) -> Step {
-    Box::new(step)
-}
-
-/// The closures of the parts of this process, by number: a graph file can hold the number only.
-static CLOSURES: Mutex<BTreeMap<u64, Closures>> = Mutex::new(BTreeMap::new());
-static NEXT: AtomicU64 = AtomicU64::new(0);
-
-struct Closures {
-    declare: fn(&mut Declare),
-    /// Taken when the component is configured.
-    open: Option<Open>,
-}
-
-/// The number of a part; its closures are dropped with it.
-#[derive(Debug)]
-pub(super) struct Part(u64);
-
-impl Drop for Part {
-    fn drop(&mut self) {
-        let closures = lock(&CLOSURES).remove(&self.0);
-        drop(closures);
-    }
-}
-
 fn instance(
     name: &str,
     declare: fn(&mut Declare),
     open: impl FnOnce(&mut Setup) -> Result<Step, ConfigureError> + Send + 'static,
 ) -> Instance {
-    let number = NEXT.fetch_add(1, Relaxed);
-    lock(&CLOSURES).insert(number, Closures { declare, open: Some(Box::new(open)) });
-    let mut instance = Instance::of::<Closure>(name).config("part", number as i64);
-    instance.part = Some(Part(number));
+    let part = Part::new(declare, open);
+    let mut instance = Instance::of::<Closure>(name).config("part", part.number() as i64);
+    instance.part = Some(part);
     instance
 }
 
-fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// A component whose declaration and step are closures.
-struct Closure(Step);
-
-#[derive(Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct ClosureConfig {
-    /// Number of the closures.
-    part: u64,
-}
-
-impl Component for Closure {
-    const KIND: &'static str = "test.closure";
-    const SUMMARY: &'static str = "a component of closures, in the process of its test";
-    type Config = ClosureConfig;
-
-    fn declare(config: &ClosureConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        let closures = lock(&CLOSURES);
-        let found = closures
-            .get(&config.part)
-            .ok_or_else(|| ConfigError::key("part", "is no part of this process"))?;
-        (found.declare)(declare);
-        Ok(())
-    }
-
-    fn configure(config: ClosureConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let open = lock(&CLOSURES).get_mut(&config.part).and_then(|closures| closures.open.take());
-        let open = open.ok_or_else(|| ConfigureError::failed("its closure has run already"))?;
-        open(setup).map(Self)
-    }
-
-    fn step(&mut self, tick: &Tick) -> Result<(), StepError> {
-        (self.0)(tick)
-    }
+fn step(step: impl FnMut(&Tick) -> Result<(), StepError> + 'static) -> Step {
+    Box::new(step)
 }

@@ -2,7 +2,7 @@
 
 use motorium::launcher::Exit;
 use motorium::state::{JointState, Phase, Wrench};
-use motorium::testing::{Function, Graph, Probe, Source, allocations};
+use motorium::testing::{Function, Graph, Probe, Source, allocations, machine};
 
 fn joint(position: f64) -> JointState {
     let mut state = JointState::default();
@@ -99,6 +99,7 @@ fn a_step_of_closures_allocates_nothing_and_an_allocating_one_is_counted() {
 
 #[test]
 fn parts_run_in_real_time_too() {
+    let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let probe = Probe::<Wrench>::of("doubled").triggered();
     let report = doubling().with(&probe).set("clock", "realtime").run("200 ms").unwrap();
     assert_eq!(report.exit, Exit::Finished);

@@ -6,7 +6,7 @@ use motorium::plan::ClockKind;
 use motorium::prelude::*;
 use motorium::region::Refusal;
 use motorium::safety::{CommandGate, JointLimits, Measured};
-use motorium::testing::{Function, Graph, Instance, Probe, Sample};
+use motorium::testing::{Function, Graph, Instance, Probe, Sample, machine};
 
 const MS: u64 = 1_000_000;
 
@@ -144,6 +144,7 @@ fn in_lockstep_a_source_time_travels_down_the_chain_and_counts_in_latencies_and_
 
 #[test]
 fn in_real_time_a_live_component_that_publishes_old_measurements_is_refused_by_the_gate() {
+    let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let (report, samples) = ages(graph("realtime", 30));
     assert!(samples.len() > 50, "{} samples", samples.len());
     assert!(samples.iter().all(|sample| sample.stamp.publish_time - sample.stamp.source_time >= 30 * MS));
@@ -165,6 +166,7 @@ fn a_source_time_in_the_future_is_refused_and_counted_but_for_a_millisecond() {
 
 #[test]
 fn the_deadline_of_a_step_is_a_period_after_its_time_and_in_lockstep_all_of_it_is_left() {
+    let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     for (clock, kind) in [("lockstep", ClockKind::Lockstep), ("realtime", ClockKind::Realtime)] {
         let left = Probe::<Wrench>::of("left").triggered();
         let report = graph(clock, 0).with(&left).run("300 ms").unwrap();

@@ -1,7 +1,7 @@
 //! The time of a state, in both clocks.
 
 use motorium::state::JointState;
-use motorium::testing::{Function, Graph, Probe, Sample, Source};
+use motorium::testing::{Function, Graph, Probe, Sample, Source, machine};
 
 const PERIOD_NS: u64 = 2_000_000;
 
@@ -52,6 +52,7 @@ fn in_lockstep_a_state_is_for_the_tick_that_made_it() {
 
 #[test]
 fn in_real_time_a_state_is_for_the_scheduled_release_however_late_it_is_published() {
+    let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let [first, last] = chain("realtime");
     for samples in [&first, &last] {
         keeps_to_the_grid(samples);

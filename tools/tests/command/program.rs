@@ -7,15 +7,10 @@ use std::process::{Command, Output, Stdio};
 
 use crate::MOTORIUM;
 
-/// The machine, for one test: real-time processes of two tests at once would starve each other.
-///
-/// A lock on a file below the target folder, so that it holds between test programs as well as within one.
+/// The machine, for one test in real time.
 #[must_use = "the machine is free again as soon as this is dropped"]
 pub(crate) fn machine() -> File {
-    let file = concat!(env!("CARGO_TARGET_TMPDIR"), "/real-time.lock");
-    let file = File::create(file).expect("the target folder takes files");
-    file.lock().expect("the file can be locked");
-    file
+    motorium::testing::machine(env!("CARGO_TARGET_TMPDIR"))
 }
 
 /// The program with these arguments, its output caught.

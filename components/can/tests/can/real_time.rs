@@ -1,7 +1,7 @@
 //! The components in real time, over unix sockets: a controller answers each state by a command.
 
 use motorium::prelude::*;
-use motorium::testing::{Function, Graph};
+use motorium::testing::{Function, Graph, machine};
 use motorium_can::{CanAdapter, DriveSimulation};
 use motorium_physics::ArticulatedPhysics;
 use serde_json::Value;
@@ -53,6 +53,7 @@ stale_after = "5 s"
     );
     let answer = |_: &Tick, _: Option<&JointState>| Some(command());
     let controller = Function::new("commands", "arm/state", "arm/command", answer).trigger("arm/state");
+    let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let graph = Graph::from_toml(text)
         .at(&folder.0.join("graph.toml"))
         .kind::<ArticulatedPhysics>()

@@ -5,9 +5,7 @@ use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::couplings::{ObstaclesConfig, PhaseStopConfig, YieldingConfig};
-use super::imitation::DemonstrationConfig;
-use motorium_primitives::dmp::StoredModel;
+use motorium_primitives::dmp::{ObstacleAvoidance, StoredModel};
 use motorium_primitives::reach::Repeat;
 
 /// Configuration of `policy.dmp`.
@@ -124,4 +122,81 @@ pub struct WeightsConfig {
     /// The primitive until weights come: a file that `motorium primitive fit` wrote, relative to the graph file.
     #[schemars(extend("format" = "path"))]
     pub file: Option<String>,
+}
+
+/// A recorded movement of the end effector, to be learned and reproduced.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DemonstrationConfig {
+    /// The recording, relative to the graph file: CSV, JSON or JSON lines, such as `motorium topic echo --json` prints.
+    /// Three channels are positions of the end effector in the world frame, m; as many as the robot has joints are
+    /// joint positions.
+    #[schemars(extend("format" = "path"))]
+    pub file: String,
+    /// Number of kernels for each dimension. Default 40.
+    #[serde(default = "forty")]
+    pub kernels: usize,
+    /// Frequency above which the recording is noise, Hz. Default 10.
+    #[serde(default = "ten")]
+    pub cutoff: f64,
+    /// Time of a straight way to where the recording begins, such as "2 s". Without it, the movement begins where the
+    /// hand is.
+    #[serde(default)]
+    pub approach: Option<TimeSpan>,
+}
+
+fn forty() -> usize {
+    40
+}
+
+fn ten() -> f64 {
+    10.0
+}
+
+/// Slow-down of the movement while the end effector cannot follow.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PhaseStopConfig {
+    /// Distance of the end effector from its target at which the movement goes at half its speed, m.
+    pub distance: f64,
+}
+
+/// Points that the movement steers round.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ObstaclesConfig {
+    /// The points, in the world frame, m.
+    pub points: Vec<[f64; 3]>,
+    /// Strength, 1/s per rad. Default 1000.
+    #[serde(default = "strength")]
+    pub gamma: f64,
+    /// Rate at which the effect fades with the angle between the velocity and the obstacle, 1/rad. Default 6.37.
+    #[serde(default = "fading")]
+    pub beta: f64,
+    /// Distance at which the effect has fallen to 1/e, m. Default 0.2.
+    #[serde(default = "near")]
+    pub reach: f64,
+}
+
+/// Giving way to a force, as a mass would.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct YieldingConfig {
+    /// The mass, kg.
+    pub inertia: f64,
+    /// Force along an axis that does not count, such as the noise of the sensor, N. Default 0.
+    #[serde(default)]
+    pub deadband: f64,
+}
+
+fn strength() -> f64 {
+    ObstacleAvoidance::default().gamma
+}
+
+fn fading() -> f64 {
+    ObstacleAvoidance::default().beta
+}
+
+fn near() -> f64 {
+    0.2
 }

@@ -7,58 +7,8 @@ use motorium::transport::Input;
 use motorium_primitives::dmp::{ObstacleAvoidance, PhaseStop, Yielding};
 use motorium_primitives::reach::{PoseReach, ReachPhase};
 use nalgebra::Vector3;
-use schemars::JsonSchema;
-use serde::Deserialize;
 
-use super::config::DmpPolicyConfig;
-
-/// Slow-down of the movement while the end effector cannot follow.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PhaseStopConfig {
-    /// Distance of the end effector from its target at which the movement goes at half its speed, m.
-    pub distance: f64,
-}
-
-/// Points that the movement steers round.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ObstaclesConfig {
-    /// The points, in the world frame, m.
-    pub points: Vec<[f64; 3]>,
-    /// Strength, 1/s per rad. Default 1000.
-    #[serde(default = "strength")]
-    pub gamma: f64,
-    /// Rate at which the effect fades with the angle between the velocity and the obstacle, 1/rad. Default 6.37.
-    #[serde(default = "fading")]
-    pub beta: f64,
-    /// Distance at which the effect has fallen to 1/e, m. Default 0.2.
-    #[serde(default = "near")]
-    pub reach: f64,
-}
-
-/// Giving way to a force, as a mass would.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct YieldingConfig {
-    /// The mass, kg.
-    pub inertia: f64,
-    /// Force along an axis that does not count, such as the noise of the sensor, N. Default 0.
-    #[serde(default)]
-    pub deadband: f64,
-}
-
-fn strength() -> f64 {
-    ObstacleAvoidance::default().gamma
-}
-
-fn fading() -> f64 {
-    ObstacleAvoidance::default().beta
-}
-
-fn near() -> f64 {
-    0.2
-}
+use super::config::{DmpPolicyConfig, ObstaclesConfig, YieldingConfig};
 
 /// The couplings of a policy.
 #[derive(Debug)]

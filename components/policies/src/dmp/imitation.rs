@@ -5,44 +5,13 @@ use std::path::Path;
 use motorium::declare::{ConfigError, RobotReference};
 use motorium_robots::{Kinematics, Loaded};
 use nalgebra::{DMatrix, Isometry3, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
-use serde::Deserialize;
 
-use super::start_pose;
-use motorium::units::TimeSpan;
+use super::config::DemonstrationConfig;
+use crate::robot;
 use motorium_primitives::dmp::{Demonstration, DmpModel, Regression, Settings, Variant};
 use motorium_primitives::file::{Primitive, PrimitiveFile};
 use motorium_primitives::reach::PathDeviation;
 use motorium_recordings::{Recording, Selection};
-
-/// A recorded movement of the end effector, to be learned and reproduced.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DemonstrationConfig {
-    /// The recording, relative to the graph file: CSV, JSON or JSON lines, such as `motorium topic echo --json` prints.
-    /// Three channels are positions of the end effector in the world frame, m; as many as the robot has joints are
-    /// joint positions.
-    #[schemars(extend("format" = "path"))]
-    pub file: String,
-    /// Number of kernels for each dimension. Default 40.
-    #[serde(default = "forty")]
-    pub kernels: usize,
-    /// Frequency above which the recording is noise, Hz. Default 10.
-    #[serde(default = "ten")]
-    pub cutoff: f64,
-    /// Time of a straight way to where the recording begins, such as "2 s". Without it, the movement begins where the
-    /// hand is.
-    #[serde(default)]
-    pub approach: Option<TimeSpan>,
-}
-
-fn forty() -> usize {
-    40
-}
-
-fn ten() -> f64 {
-    10.0
-}
 
 /// Evenly spaced samples that a recording is made into.
 const SAMPLES: usize = 400;
@@ -117,7 +86,7 @@ fn end_effector(
         let message = format!("{channels} channels, expected the 3 of the position of an end effector");
         return Err(wrong(message).advise("joints need a robot: add `robot = \"NAME\"` to the component"));
     };
-    let (Loaded { model, .. }, frame) = start_pose::load(robot, frame)?;
+    let (Loaded { model, .. }, frame) = robot::load_fixed(robot, frame)?;
     if channels != model.nq() {
         let expected = model.nq();
         return Err(wrong(format!(

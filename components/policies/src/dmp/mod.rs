@@ -8,9 +8,10 @@ mod start_pose;
 mod waypoints;
 mod weights;
 
-pub use config::{DmpPolicyConfig, GoalConfig, PoseConfig, ShapeConfig, WeightsConfig};
-pub use couplings::{ObstaclesConfig, PhaseStopConfig, YieldingConfig};
-pub use imitation::DemonstrationConfig;
+pub use config::{
+    DemonstrationConfig, DmpPolicyConfig, GoalConfig, ObstaclesConfig, PhaseStopConfig, PoseConfig,
+    ShapeConfig, WeightsConfig, YieldingConfig,
+};
 
 use motorium::component::{
     Checkpoint, Component, ConfigureError, Episode, EpisodeEnd, RunClock, Setup, Tick,

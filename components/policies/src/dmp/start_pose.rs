@@ -1,7 +1,7 @@
 //! Pose the end effector starts from.
 
 use motorium::component::{ConfigureError, Setup};
-use motorium::declare::{ConfigError, Declare, RobotReference, StepError};
+use motorium::declare::{ConfigError, Declare, StepError};
 use motorium::state::JointState;
 use motorium::transport::Input;
 use motorium_robots::{FrameId, Kinematics, Loaded, Model};
@@ -45,7 +45,9 @@ impl StartPose {
                     ));
             }
             // a robot that cannot say where its end effector is says nothing about goals either
-            if let Some((loaded, frame)) = declare.robot().and_then(|robot| load(robot, None).ok()) {
+            if let Some((loaded, frame)) =
+                declare.robot().and_then(|robot| robot::load_fixed(robot, None).ok())
+            {
                 reachable::check(waypoints, &loaded, frame, Some(&start), declare)?;
             }
             return Ok(());
@@ -54,7 +56,7 @@ impl StartPose {
             ConfigError::new("no `start` is given, and the component names no robot to measure it from")
                 .advise("add `robot = \"NAME\"` to the component, or give `start` in its config")
         })?;
-        let (loaded, frame) = load(robot, config.frame.as_deref())?;
+        let (loaded, frame) = robot::load_fixed(robot, config.frame.as_deref())?;
         reachable::check(waypoints, &loaded, frame, None, declare)?;
         declare.input::<JointState>(
             "joint_state",
@@ -67,7 +69,7 @@ impl StartPose {
         if let Some(start) = &config.start {
             return Ok(Self::Configured(waypoints::pose(start, "start")?));
         }
-        let (Loaded { model, .. }, frame) = load(setup.robot()?, config.frame.as_deref())?;
+        let (Loaded { model, .. }, frame) = robot::load_fixed(setup.robot()?, config.frame.as_deref())?;
         let kinematics = Kinematics::new(&model);
         Ok(Self::Measured(Box::new(Measured {
             state: setup.input("joint_state")?,
@@ -113,21 +115,4 @@ impl StartPose {
         kinematics.update(model, state.position());
         Ok(Some(kinematics.pose(model, *frame)))
     }
-}
-
-/// The model of a robot and the frame that is led.
-pub(super) fn load(
-    reference: &RobotReference,
-    frame: Option<&str>,
-) -> Result<(Loaded, FrameId), ConfigError> {
-    let loaded = robot::load(reference)?;
-    if loaded.model.base().floating {
-        let message = format!(
-            "robot `{}` has a floating base: its joint positions alone do not determine the pose of its end effector",
-            reference.name
-        );
-        return Err(ConfigError::new(message).advise("use a robot with a fixed base, or a policy of joints"));
-    }
-    let id = robot::end_effector(&loaded, frame, "frame")?;
-    Ok((loaded, id))
 }

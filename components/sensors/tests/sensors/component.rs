@@ -3,7 +3,7 @@
 use motorium::declare::{Direction, RobotReference};
 use motorium::launcher::Report;
 use motorium::prelude::*;
-use motorium::testing::{Graph, Instance, Probe, Source};
+use motorium::testing::{Graph, Instance, Probe, Source, machine};
 use motorium::worker::Kind;
 use motorium_sensors::JointEncoder;
 
@@ -88,6 +88,7 @@ fn a_step_allocates_nothing() {
 fn a_differentiated_velocity_does_not_jitter_with_the_times_of_publication() {
     let truth = Source::new("truth", "rod/true_state", |tick| Some(joint_state(tick.time())));
     let (graph, readings) = graph(truth, "differentiate = { cutoff_hz = 1e6 }");
+    let _machine = machine(env!("CARGO_TARGET_TMPDIR"));
     let report = graph.set("clock", "realtime").run("300 ms").unwrap();
     let readings = readings.values();
     assert!(readings.len() > 10, "{} readings: {report:?}", readings.len());
