@@ -12,7 +12,8 @@ use std::path::Path;
 /// use motorium::prelude::*;
 /// use motorium::testing::{Graph, Source, machine};
 ///
-/// let _machine = machine(std::env::temp_dir());
+/// let folder = tempfile::tempdir().unwrap();
+/// let _machine = machine(folder.path()); // in an integration test: machine(env!("CARGO_TARGET_TMPDIR"))
 /// let arm = Source::new("arm", "state", |_| Some(JointState::default()));
 /// let report = Graph::new("still").set("clock", "realtime").with(arm).run("20 ms").unwrap();
 /// assert_eq!(report.components.len(), 1);
