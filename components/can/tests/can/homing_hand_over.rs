@@ -112,24 +112,20 @@ fn is_between([first, second, _]: [u32; 3]) -> bool {
 #[test]
 fn joints_that_are_held_take_the_safe_state_of_the_graph_when_a_homing_is_stopped_and_it_goes_on_after_a_resume()
  {
-    for (safe_state, sinks_by) in [("hold", 0.0..0.03), ("damp", 0.06..0.12)] {
+    // 1.92 N m against 20 N m s/rad for 0.7 s, or 100 N m/rad
+    for (safe_state, sinks_by) in [("hold", -0.02..0.02), ("damp", 0.055..0.08)] {
         let mut arm =
             Arm::launch(&format!("hand-over-{safe_state}"), &format!("safe_state = \"{safe_state}\""));
         arm.run_until("between two homings", is_between);
         arm.run(0.3);
-        let before = arm.positions();
         arm.region.header().latch(Latch::Stop);
-        let mut way = Vec::new();
-        for _ in 0..10 {
-            arm.run(0.1);
-            way.push(arm.positions()[0]);
-        }
+        // the brake that stops the second joint turns the first one a little
+        arm.run(0.3);
+        let before = arm.positions();
+        arm.run(0.7);
         let (after, flags) = (arm.positions(), arm.flags());
         let sunk = before[0] - after[0];
-        assert!(
-            sinks_by.contains(&sunk),
-            "{safe_state}: the push moves the joint that is held by {sunk}: {way:?}"
-        );
+        assert!(sinks_by.contains(&sunk), "{safe_state}: the push moves the joint that is held by {sunk}");
         assert_eq!(flags[0] & STATES, JointHealth::ENABLED, "{safe_state}: it goes on following");
         for joint in [1, 2] {
             assert_eq!(
