@@ -11,9 +11,16 @@ use motorium_can::{AnySimulatedDrive, Frame, Overrides, Received, Table};
 const JOINTS: u8 = 12;
 const CYCLES: usize = 100_000;
 
-/// Nanoseconds of one command encoded and one answer decoded, the least of many batches.
-fn codec() -> f64 {
+/// Nanoseconds of one command encoded and one answer decoded, and of the copy of a frame beside it: the least of many batches of
+/// each, in turns.
+fn codec() -> [f64; 2] {
     const BATCH: u32 = 10_000;
+    let mut least = [f64::INFINITY; 2];
+    let mut time = |place: usize, work: &dyn Fn(u32)| {
+        let start = Instant::now();
+        work(BATCH);
+        least[place] = least[place].min(start.elapsed().as_nanos() as f64 / f64::from(BATCH));
+    };
     let drive = Drive::damiao(5, 0x15, Ranges::new(12.5, 30.0, 10.0));
     let feedback = Feedback {
         position: 1.0,
@@ -24,16 +31,20 @@ fn codec() -> f64 {
         state: State::Enabled,
     };
     let answer = drive.answer(&feedback);
-    let mut least = f64::INFINITY;
     for _ in 0..200 {
-        let start = Instant::now();
-        for step in 0..BATCH {
-            let position = f64::from(black_box(step)) * 1e-4;
-            let command = Command { position, velocity: 0.5, kp: 40.0, kd: 1.0, torque: 0.1 };
-            black_box(drive.command(&command));
-            let _ = black_box(drive.reply(black_box(&answer)));
-        }
-        least = least.min(start.elapsed().as_nanos() as f64 / f64::from(BATCH));
+        time(0, &|batch| {
+            for step in 0..batch {
+                let position = f64::from(black_box(step)) * 1e-4;
+                let command = Command { position, velocity: 0.5, kp: 40.0, kd: 1.0, torque: 0.1 };
+                black_box(drive.command(&command));
+                let _ = black_box(drive.reply(black_box(&answer)));
+            }
+        });
+        time(1, &|batch| {
+            for _ in 0..batch {
+                black_box(*black_box(&answer));
+            }
+        });
     }
     least
 }
@@ -100,7 +111,8 @@ fn cycles() -> Vec<u64> {
 }
 
 fn main() {
-    println!("encode and decode a frame: {:.1} ns", codec());
+    let [codec, copy] = codec();
+    println!("encode and decode a frame: {codec:.1} ns; copy of a frame: {copy:.1} ns");
     let times = cycles();
     let at = |share: f64| times[(share * (times.len() - 1) as f64) as usize] as f64 * 1e-3;
     println!(

@@ -103,6 +103,7 @@ impl Frame {
     }
 
     /// A frame of eight bytes, which every form can have.
+    #[inline]
     pub(crate) fn of_eight(id: Id, form: Form, eight: [u8; 8]) -> Self {
         let mut data = [0; 64];
         data[..8].copy_from_slice(&eight);
@@ -135,6 +136,7 @@ impl Frame {
     }
 
     /// The bytes in use.
+    #[inline]
     pub fn data(&self) -> &[u8] {
         &self.data[..usize::from(self.length).min(64)]
     }
@@ -233,6 +235,7 @@ pub enum DecodeError {
 }
 
 /// The data of a frame of exactly `N` bytes and this identifier.
+#[inline]
 pub(crate) fn exactly<const N: usize>(frame: &Frame, expected: Id) -> Result<&[u8; N], DecodeError> {
     if frame.id != expected {
         return Err(DecodeError::Id { found: frame.id, expected });

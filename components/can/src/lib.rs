@@ -36,7 +36,7 @@ pub use component::{
     CanAdapter, CanAdapterConfig, DriveSimulation, DriveSimulationConfig, JointHealth, kinds,
 };
 pub use database::{Database, DatabaseError, Decoded, SignalValue};
-pub use drives::range::Range;
+pub use drives::range::{Fields, Range};
 pub use drives::{cia402, damiao, dynamixel, feetech, mit, moteus, odrive, servo};
 pub use frame::{DecodeError, Form, Frame, Id};
 pub use scan::{Device, DeviceKind, Found, scan};
@@ -44,6 +44,6 @@ pub use scan_servos::{SPEEDS as SERVO_SPEEDS, ServoFound, scan_servos};
 pub use simulated_drive::{AnySimulatedDrive, Mark, Overrides, SimulatedDrive};
 pub use table::{
     BusEntry, BusKind, ControlMode, DriveEntry, HomingBy, HomingEntry, HomingProcedure, LoopEntry, Protocol,
-    RangeEntry, Table, TableError, Transmission,
+    RangeEntry, ReferenceEntry, Table, TableError, Transmission,
 };
 pub use traffic::{Listener, Record, RecordError, Sender};

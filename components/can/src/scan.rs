@@ -4,7 +4,8 @@ use core::time::Duration;
 
 use crate::bus::{Bus, Received};
 use crate::damiao::{EVERYBODY, Register, Request, Value};
-use crate::frame::{Frame, Id};
+use crate::frame::{Form, Frame, Id};
+use crate::moteus::{self, Home, Mode, Resolution};
 use crate::odrive::{self, Report};
 
 /// A device that was found on a bus.
@@ -40,6 +41,15 @@ pub enum DeviceKind {
         /// State: 0 boot-up, 4 stopped, 5 operational, 127 pre-operational.
         state: u8,
     },
+    /// A moteus, which tells its state.
+    Moteus {
+        /// Its mode.
+        mode: Mode,
+        /// The place from which it counts its position, if it tells.
+        home: Option<Home>,
+        /// Code of its fault.
+        fault: u8,
+    },
 }
 
 /// Drives found on a bus.
@@ -51,21 +61,26 @@ pub struct Found {
     pub others: Vec<(Id, u64)>,
 }
 
-/// Finds the devices on a bus. Reads the registers of Damiao drives, which changes nothing, and listens for the heartbeats of
-/// ODrives and CANopen nodes. `pass` lets time pass.
+/// Finds the devices on a bus. Reads the registers of Damiao drives and, on a bus of CAN FD (`is_fd`), of moteus, which changes
+/// nothing, and listens for the heartbeats of ODrives and CANopen nodes. `pass` lets time pass.
 ///
 /// ```no_run
 /// use std::time::Duration;
 /// use motorium_can::{SocketBus, scan};
 ///
 /// let mut bus = SocketBus::open("can0")?;
-/// let found = scan(&mut bus, Duration::from_secs(1), |_, time| std::thread::sleep(time));
+/// let found = scan(&mut bus, false, Duration::from_secs(1), |_, time| std::thread::sleep(time));
 /// for device in found.devices {
 ///     println!("{} {:?}", device.node, device.kind);
 /// }
 /// # Ok::<(), motorium_can::OpenError>(())
 /// ```
-pub fn scan<B: Bus>(bus: &mut B, listen: Duration, mut pass: impl FnMut(&mut B, Duration)) -> Found {
+pub fn scan<B: Bus>(
+    bus: &mut B,
+    is_fd: bool,
+    listen: Duration,
+    mut pass: impl FnMut(&mut B, Duration),
+) -> Found {
     const PAUSE: Duration = Duration::from_millis(2);
     let mut found = Found::default();
     for node in 1..=0xf {
@@ -75,6 +90,11 @@ pub fn scan<B: Bus>(bus: &mut B, listen: Duration, mut pass: impl FnMut(&mut B, 
             pass(bus, PAUSE);
             receive(bus, &mut found);
         }
+    }
+    for node in (1..=126).filter_map(moteus::Node::new).filter(|_| is_fd) {
+        bus.send(&[node.frame(&moteus::Instruction::Query, Resolution::Int16)]);
+        pass(bus, PAUSE);
+        receive(bus, &mut found);
     }
     let mut left = listen;
     while !left.is_zero() {
@@ -109,6 +129,11 @@ impl Found {
                 Some(known) => known.kind.complete(device.kind),
                 None => self.devices.push(device),
             }
+        } else if let Some(device) = moteus(frame) {
+            self.devices.retain(|known| {
+                known.node != device.node || !matches!(known.kind, DeviceKind::Moteus { .. })
+            });
+            self.devices.push(device);
         } else if let Some(device) = heartbeat(frame).filter(|_| !self.is_other(frame.id)) {
             let same = |known: &Device| {
                 known.node == device.node
@@ -172,6 +197,19 @@ fn damiao(frame: &Frame) -> Option<Device> {
     Some(Device { node: *node, kind: DeviceKind::Damiao { master, watchdog_ns, ranges } })
 }
 
+/// The answer of a moteus.
+fn moteus(frame: &Frame) -> Option<Device> {
+    let number = match frame.id {
+        Id::Standard(id) => u32::from(id),
+        Id::Extended(id) => id,
+    };
+    // whole and in frames of CAN FD only: no other drive sends such
+    let node =
+        u8::try_from(number >> 8).ok().filter(|_| number & 0xff == 0 && frame.form != Form::Classic)?;
+    let moteus::State { mode, home, fault, .. } = moteus::Node::new(node)?.reply(frame).ok()?;
+    Some(Device { node, kind: DeviceKind::Moteus { mode, home, fault } })
+}
+
 /// The heartbeat of an ODrive or of a CANopen node.
 fn heartbeat(frame: &Frame) -> Option<Device> {
     let Id::Standard(id) = frame.id else { return None };
@@ -199,12 +237,13 @@ fn heartbeat(frame: &Frame) -> Option<Device> {
 mod tests {
     use super::*;
     use crate::mit::Ranges;
-    use crate::{Rates, SimulatedBus, SimulatedDrive, mit};
+    use crate::{AnySimulatedDrive, Overrides, Rates, SimulatedBus, SimulatedDrive, Table, mit};
 
-    /// A bus with one Damiao drive, an ODrive and a CANopen node that beat, and a stranger.
+    /// A bus with one Damiao drive, a moteus, an ODrive and a CANopen node that beat, and a stranger.
     struct Desk {
         bus: SimulatedBus,
         drive: SimulatedDrive,
+        moteus: AnySimulatedDrive,
         now_ns: u64,
     }
 
@@ -227,6 +266,10 @@ mod tests {
                 if let Some(answer) = self.drive.receive(&received.frame, received.time_ns) {
                     self.bus.enqueue(1, answer, received.time_ns + 50_000);
                 }
+                let Self { bus, moteus, .. } = self;
+                moteus.receive(&received.frame, received.time_ns, &mut |answer| {
+                    bus.enqueue(1, answer, received.time_ns + 50_000);
+                });
             }
             if self.now_ns.is_multiple_of(100_000_000) {
                 let beat = |id, data: &[u8]| Frame::classic(Id::Standard(id), data);
@@ -253,28 +296,43 @@ mod tests {
         assert_eq!(found.others, [(Id::Standard(1), 20_000)], "each of them, whatever it looked like");
     }
 
+    /// A moteus with the number 9, which counts from its output.
+    fn moteus() -> AnySimulatedDrive {
+        let table = "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\ndata_bitrate = 5_000_000\n[[drive]]\njoint = \"hip\"\nbus = \"can0\"\n\
+                     protocol = \"moteus\"\nnode = 9\nwatchdog = \"20 ms\"\nranges = { position = 12.5, velocity = 30.0, torque = 8.0 }\n";
+        AnySimulatedDrive::new(&Table::parse(table).unwrap(), 0, Overrides::default())
+    }
+
     #[test]
     fn devices_are_found_with_what_they_tell_of_themselves() {
+        for is_fd in [true, false] {
+            devices_are_found(is_fd);
+        }
+    }
+
+    fn devices_are_found(is_fd: bool) {
         let codec = mit::Drive::damiao(4, 0x14, Ranges::new(12.5, 30.0, 10.0));
         let rates = Rates { nominal: 1_000_000, fast: 1_000_000 };
         let drive = SimulatedDrive::new(codec, Some(20_000_000));
-        let mut desk = Desk { bus: SimulatedBus::new(rates, 3, 64), drive, now_ns: 0 };
-        let found = scan(&mut desk, Duration::from_millis(500), |desk, time| desk.pass(time));
+        let mut desk = Desk { bus: SimulatedBus::new(rates, 3, 64), drive, moteus: moteus(), now_ns: 0 };
+        let found = scan(&mut desk, is_fd, Duration::from_millis(500), |desk, time| desk.pass(time));
         let kinds: Vec<_> = found.devices.iter().map(|device| (device.node, device.kind.clone())).collect();
         let damiao = DeviceKind::Damiao {
             master: 0x14,
             watchdog_ns: Some(20_000_000),
             ranges: [Some(12.5), Some(30.0), Some(10.0)],
         };
-        assert_eq!(
-            kinds,
-            [
-                (3, DeviceKind::Odrive { state: 8, errors: 0 }),
-                (4, damiao),
-                (5, DeviceKind::CanOpen { state: 5 })
-            ]
-        );
+        let mut expected = vec![
+            (3, DeviceKind::Odrive { state: 8, errors: 0 }),
+            (4, damiao),
+            (5, DeviceKind::CanOpen { state: 5 }),
+        ];
+        if is_fd {
+            let moteus = DeviceKind::Moteus { mode: Mode::Stopped, home: Some(Home::Output), fault: 0 };
+            expected.push((9, moteus));
+        }
+        assert_eq!(kinds, expected);
         assert!(matches!(found.others[..], [(Id::Standard(0x555), 2..)]), "{:?}", found.others);
-        assert!(!desk.drive.is_enabled());
+        assert!(!desk.drive.is_enabled() && !desk.moteus.is_enabled());
     }
 }

@@ -60,6 +60,38 @@ impl FromStr for Record {
     }
 }
 
+/// The mistake in the text of a frame alone, if it is one of those that are made often.
+fn mistake(frame: &str) -> Option<String> {
+    let Some((id, data)) = frame.split_once('#') else {
+        return Some("there is no `#` between identifier and data".into());
+    };
+    let no_digit = |text: &str| text.chars().find(|letter| !letter.is_ascii_hexdigit());
+    if let Some(letter) = no_digit(id) {
+        return Some(format!("`{letter}` in the identifier is no hexadecimal digit"));
+    }
+    if !matches!(id.len(), 3 | 8) {
+        return Some(format!("an identifier of {} digits, expected 3 (11 bits) or 8 (29 bits)", id.len()));
+    }
+    let largest = if id.len() == 3 { 0x7ff } else { 0x1fff_ffff };
+    if u32::from_str_radix(id, 16).is_ok_and(|id| id > largest) {
+        return Some(format!("the identifier 0x{id} is beyond 0x{largest:X}"));
+    }
+    let (bytes, most, form) = match data.strip_prefix('#') {
+        Some(fd) => (fd.get(1..).unwrap_or_default(), 64, "of CAN FD, behind the digit of its flags,"),
+        None => (data, 8, "of classic CAN"),
+    };
+    if let Some(letter) = no_digit(bytes).filter(|letter| !matches!(letter, 'R' | 'r' | '.')) {
+        return Some(format!("`{letter}` in the data is no hexadecimal digit"));
+    }
+    if bytes.len() > 2 * most {
+        return Some(format!(
+            "{} bytes of data, and a frame {form} has up to {most}",
+            bytes.len().div_ceil(2)
+        ));
+    }
+    (!bytes.contains('.') && bytes.len() % 2 == 1).then(|| "half a byte of data at its end".to_string())
+}
+
 impl Record {
     /// Reads a frame alone, such as `123#0102`, for an interface.
     ///
@@ -67,7 +99,10 @@ impl Record {
     /// It is no frame.
     pub fn of_frame(frame: &str, interface: &str) -> Result<Self, RecordError> {
         let line = format!("(0.000000) {interface} {frame}");
-        line.parse().map_err(|error: RecordError| RecordError { found: frame.to_string(), ..error })
+        line.parse().map_err(|error: RecordError| {
+            let message = mistake(frame).unwrap_or(error.message);
+            RecordError { found: frame.to_string(), message }
+        })
     }
 
     /// A frame of a simulated bus; `None` for a packet of servos.
@@ -207,5 +242,25 @@ mod tests {
         assert!(error.advice().contains("ip -details link show type can"));
         let error = Sender::open("vcan77").err().unwrap();
         assert!(error.advice().contains("sudo ip link add vcan77 type vcan"), "{}", error.advice());
+    }
+
+    #[test]
+    fn the_mistake_in_a_frame_is_named() {
+        for (frame, words) in [
+            ("123", "there is no `#` between identifier and data"),
+            ("12G#01", "`G` in the identifier is no hexadecimal digit"),
+            ("12#01", "an identifier of 2 digits, expected 3 (11 bits) or 8 (29 bits)"),
+            ("8FF#01", "the identifier 0x8FF is beyond 0x7FF"),
+            ("3FFFFFFF#01", "the identifier 0x3FFFFFFF is beyond 0x1FFFFFFF"),
+            ("123#0G", "`G` in the data is no hexadecimal digit"),
+            ("123#010", "half a byte of data at its end"),
+            ("123#010203040506070809", "9 bytes of data, and a frame of classic CAN has up to 8"),
+        ] {
+            let told = Record::of_frame(frame, "can0").err().map(|error| error.to_string());
+            assert!(told.as_ref().is_some_and(|told| told.contains(words)), "{frame}: {told:?}");
+        }
+        for right in ["123#", "123#0102", "123#01.02", "00000123#01", "123##10102", "123#R"] {
+            assert!(Record::of_frame(right, "can0").is_ok(), "{right}");
+        }
     }
 }

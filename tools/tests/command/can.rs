@@ -103,7 +103,7 @@ fn log_and_send_use_a_simulated_bus_as_an_interface_of_the_kernel() {
 }
 
 #[test]
-fn a_bus_that_nobody_offers_or_that_is_not_shared_is_named_with_the_next_step() {
+fn a_bus_that_nobody_offers_or_that_is_not_shared_and_a_frame_that_is_none_are_named_with_the_next_step() {
     for (arguments, words) in [
         (
             &["can", "monitor", "unix:nobody-offers-it"][..],
@@ -112,6 +112,8 @@ fn a_bus_that_nobody_offers_or_that_is_not_shared_is_named_with_the_next_step() 
         (&["can", "log", "unix:nobody-offers-it"], "start the graph whose `can.drive_sim` has this bus"),
         (&["can", "monitor", "pty:/tmp/can0"], "`motorium can attach /tmp/can0`"),
         (&["can", "send", "/dev/ttyACM0", "001#00"], "a serial line, which one program has for itself"),
+        (&["can", "send", "unix:nobody", "12G#01"], "`G` in the identifier is no hexadecimal digit"),
+        (&["can", "send", "unix:nobody", "123#01", "--every", "0 s"], "`--every` is 0"),
     ] {
         let text = complaint(arguments);
         assert!(text.contains(words), "{arguments:?}: {text}");

@@ -8,6 +8,7 @@ mod stop;
 use super::dialogue::Order;
 use super::{Adapter, Link, OnTrip, Phase, Setpoint};
 use crate::table::{HomingBy, HomingEntry};
+pub(crate) use stop::RUNAWAY;
 use stop::{Outcome, Stop};
 
 /// The reason why a joint was not homed.

@@ -1,6 +1,6 @@
 //! The rounding of commands to the few bits of their fields.
 
-use crate::mit::{Command, Ranges};
+use crate::mit::{Command, Drive};
 
 /// The rounding of the commands of one drive, made up for by its torque.
 ///
@@ -17,20 +17,16 @@ pub(super) struct Rounding {
 impl Rounding {
     /// The command to send, at this position \[rad\] and velocity \[rad/s\] of the drive; without them as it is. What lies
     /// beyond a range is cut off, and not made up for.
-    pub(super) fn command(
-        &mut self,
-        wanted: &Command,
-        ranges: &Ranges,
-        state: Option<(f64, f64)>,
-    ) -> Command {
+    pub(super) fn command(&mut self, wanted: &Command, drive: &Drive, state: Option<(f64, f64)>) -> Command {
         let Some((position, velocity)) = state else { return *wanted };
+        let (ranges, fields) = (drive.ranges(), drive.fields());
         let wanted = ranges.clamped(wanted);
-        let rounded = ranges.rounded(&wanted);
+        let rounded = fields.rounded(&wanted);
         let lost = wanted.torque_at(position, velocity) - rounded.torque_at(position, velocity);
         let torque = rounded.torque + lost + self.rest;
         let sent = Command { torque, ..rounded };
         let step = ranges.torque.resolution(12);
-        self.rest = (torque - ranges.rounded(&sent).torque).clamp(-step, step);
+        self.rest = (torque - fields.rounded(&sent).torque).clamp(-step, step);
         sent
     }
 }
@@ -38,11 +34,16 @@ impl Rounding {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mit::Ranges;
 
     const STATE: (f64, f64) = (0.731_3, -0.117);
 
     fn ranges() -> Ranges {
         Ranges::new(12.5, 30.0, 10.0)
+    }
+
+    fn drive() -> Drive {
+        Drive::damiao(1, 0x11, ranges())
     }
 
     fn wanted() -> Command {
@@ -53,8 +54,8 @@ mod tests {
     fn torques(wanted: Command) -> impl Iterator<Item = f64> {
         let mut rounding = Rounding::default();
         std::iter::repeat_with(move || {
-            let sent = rounding.command(&wanted, &ranges(), Some(STATE));
-            ranges().rounded(&sent).torque_at(STATE.0, STATE.1)
+            let sent = rounding.command(&wanted, &drive(), Some(STATE));
+            drive().fields().rounded(&sent).torque_at(STATE.0, STATE.1)
         })
     }
 
@@ -71,7 +72,7 @@ mod tests {
 
     #[test]
     fn rounded_field_by_field_the_torque_is_off_for_ever() {
-        let (goal, rounded) = (wanted().torque_at(STATE.0, STATE.1), ranges().rounded(&wanted()));
+        let (goal, rounded) = (wanted().torque_at(STATE.0, STATE.1), drive().fields().rounded(&wanted()));
         assert!((rounded.torque_at(STATE.0, STATE.1) - goal).abs() > 0.2 * ranges().torque.resolution(12));
     }
 
@@ -85,13 +86,13 @@ mod tests {
         // and nothing of it is left when it is over
         let mut rounding = Rounding::default();
         for _ in 0..100 {
-            rounding.command(&strong, &ranges(), Some(STATE));
+            rounding.command(&strong, &drive(), Some(STATE));
         }
         assert!(rounding.rest.abs() <= ranges().torque.resolution(12));
     }
 
     #[test]
     fn before_the_state_is_known_a_command_is_sent_as_it_is() {
-        assert_eq!(Rounding::default().command(&wanted(), &ranges(), None), wanted());
+        assert_eq!(Rounding::default().command(&wanted(), &drive(), None), wanted());
     }
 }

@@ -1,6 +1,7 @@
 //! Settings of drives that are not those of the table.
 
 use crate::damiao::Register;
+use crate::moteus::Home;
 
 /// A setting of a drive that is not that of the table.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -54,6 +55,16 @@ pub enum WrongSetting {
         found: f64,
         /// That of the table.
         expected: f64,
+    },
+    /// The place from which a moteus counts its position.
+    #[error(
+        "its position is counted from {found}, the table needs one counted from {expected}: give the joint a `homing`, tell the drive where it stands (`d exact`, `d nearest`), or write `reference`"
+    )]
+    Reference {
+        /// That of the drive.
+        found: Home,
+        /// That of the table.
+        expected: Home,
     },
     /// The operating mode of a servo.
     #[error("its operating mode is {found}, expected {expected}, that of positions")]

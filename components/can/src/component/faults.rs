@@ -38,7 +38,7 @@ pub struct FaultConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FaultKind {
-    /// The drive answers nothing; it still hears its commands.
+    /// The drive answers nothing; it still receives its commands.
     Silent,
     /// The drive answers later.
     Late,
@@ -50,7 +50,7 @@ pub enum FaultKind {
     Duplicate,
     /// Another drive has the same number: it answers too, with a position of its own.
     Twin,
-    /// The drive has no power: it hears nothing, answers nothing and is disabled.
+    /// The drive has no power: it receives nothing, answers nothing and is disabled.
     Off,
     /// The mark of the drive, such as its switch, is never met when it homes itself.
     NoMark,

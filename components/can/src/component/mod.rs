@@ -3,6 +3,7 @@
 mod adapter;
 mod drive_sim;
 mod faults;
+mod homing_load;
 mod interfaces;
 mod limits;
 mod wire;

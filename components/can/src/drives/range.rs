@@ -2,8 +2,8 @@
 
 /// A range of numbers that a field of a frame covers.
 ///
-/// A field of `n` bits holds `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer, halves down; what lies
-/// outside the range is sent as its end.
+/// A field of `n` bits holds `(x - min) (2^n - 1) / (max - min)`, rounded to the nearest integer, zero in the middle of a
+/// range down; what lies outside the range is sent as its end.
 ///
 /// ```
 /// use motorium_can::Range;
@@ -38,23 +38,25 @@ impl Range {
         x.clamp(self.min, self.max)
     }
 
+    /// The field of `bits` bits, 1 to 16, that covers it.
+    pub const fn field(&self, bits: u32) -> Fields<1> {
+        Fields::new([*self], [bits])
+    }
+
     /// The integer of `bits` bits for a number. One that is no number is sent as the one nearest to zero.
     pub fn encode(&self, x: f64, bits: u32) -> u16 {
-        let largest = largest(bits);
-        let scaled = (self.nearest(x) - self.min) * largest / (self.max - self.min);
-        let whole = scaled as u32;
-        let rounded = if scaled - f64::from(whole) > 0.5 { whole + 1 } else { whole };
-        rounded.min(largest as u32) as u16
+        let [value] = self.field(bits).encode([x]);
+        value as u16
     }
 
     /// The number for an integer of `bits` bits.
     pub fn decode(&self, value: u16, bits: u32) -> f64 {
-        f64::from(value) * (self.max - self.min) / largest(bits) + self.min
+        self.field(bits).decode::<0>(value)
     }
 
     /// Distance between two numbers that `bits` bits tell apart.
-    pub fn resolution(&self, bits: u32) -> f64 {
-        (self.max - self.min) / largest(bits)
+    pub const fn resolution(&self, bits: u32) -> f64 {
+        (self.max - self.min) / largest(bits) as f64
     }
 
     /// True if it is a range: finite, and with its ends in order.
@@ -64,7 +66,100 @@ impl Range {
 }
 
 /// The largest integer of so many bits, 1 to 16.
-fn largest(bits: u32) -> f64 {
-    debug_assert!((1..=16).contains(&bits));
-    f64::from((1_u32 << bits) - 1)
+const fn largest(bits: u32) -> u32 {
+    debug_assert!(1 <= bits && bits <= 16);
+    (1 << bits) - 1
+}
+
+/// Fields of a frame: ranges and numbers of bits, with the factors by which numbers become integers and back.
+///
+/// The factors are computed once, so that numbers are encoded and decoded without a division, and without a branch but that for what
+/// is no number. Steps are counted from the upper end of the range and rounded to the nearest even one there, which rounds zero in the
+/// middle of a symmetric range down.
+///
+/// ```
+/// use motorium_can::Range;
+///
+/// let torque = Range::symmetric(10.0).field(12);
+/// assert_eq!([torque.encode([0.0]), torque.encode([99.0]), torque.encode([f64::NAN])], [[0x7ff], [0xfff], [0x7ff]]);
+/// assert!((torque.decode::<0>(0x900) - 1.2527).abs() < 1e-4);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fields<const N: usize> {
+    /// Steps from the lower end to the upper one.
+    largest: [f64; N],
+    /// Steps per unit.
+    per_unit: [f64; N],
+    /// Steps from zero to the upper end.
+    to_end: [f64; N],
+    /// The number nearest to zero.
+    nothing: [f64; N],
+    /// Units per step.
+    step: [f64; N],
+    min: [f64; N],
+}
+
+/// A number so large that its last bit is one: added to a smaller one it rounds that to the nearest integer, in its last bits.
+const ROUNDING: f64 = 4_503_599_627_370_496.0;
+
+impl<const N: usize> Fields<N> {
+    /// Fields of these ranges, each of so many bits, 1 to 16.
+    pub const fn new(ranges: [Range; N], bits: [u32; N]) -> Self {
+        let none = [0.0; N];
+        let mut fields =
+            Self { largest: none, per_unit: none, to_end: none, nothing: none, step: none, min: none };
+        let mut i = 0;
+        while i < N {
+            let Range { min, max } = ranges[i];
+            let (steps, span) = (largest(bits[i]) as f64, max - min);
+            fields.largest[i] = steps;
+            fields.per_unit[i] = steps / span;
+            // exactly half of the steps for a range that is symmetric
+            fields.to_end[i] = max * steps / span;
+            fields.nothing[i] = match () {
+                () if min > 0.0 => min,
+                () if max < 0.0 => max,
+                () => 0.0,
+            };
+            fields.step[i] = span / steps;
+            fields.min[i] = min;
+            i += 1;
+        }
+        fields
+    }
+
+    /// The integers for numbers. One outside its range is sent as its end, and one that is no number as that nearest to zero.
+    #[inline]
+    pub fn encode(&self, x: [f64; N]) -> [u64; N] {
+        let from_end = self.encode_from_end(x);
+        core::array::from_fn(|i| self.largest[i] as u64 - from_end[i])
+    }
+
+    /// The same integers counted from the upper end: all bits of each inverted.
+    #[inline(always)]
+    pub(crate) fn encode_from_end(&self, x: [f64; N]) -> [u64; N] {
+        // one of them is no number, or two are infinite
+        if x.iter().sum::<f64>().is_nan() { self.encode_doubtful(x) } else { self.encode_numbers(x) }
+    }
+
+    #[inline(always)]
+    fn encode_numbers(&self, x: [f64; N]) -> [u64; N] {
+        core::array::from_fn(|i| {
+            let steps = self.to_end[i] - x[i] * self.per_unit[i];
+            let steps = if steps > 0.0 { steps } else { 0.0 };
+            let steps = if steps < self.largest[i] { steps } else { self.largest[i] };
+            (steps + ROUNDING).to_bits() & 0xffff
+        })
+    }
+
+    #[cold]
+    fn encode_doubtful(&self, x: [f64; N]) -> [u64; N] {
+        self.encode_numbers(core::array::from_fn(|i| if x[i].is_nan() { self.nothing[i] } else { x[i] }))
+    }
+
+    /// The number for an integer of field `I`.
+    #[inline]
+    pub fn decode<const I: usize>(&self, value: u16) -> f64 {
+        f64::from(value) * self.step[I] + self.min[I]
+    }
 }

@@ -57,7 +57,7 @@ pub struct Cia402 {
     /// Setpoints that wait for the next synchronisation, and those in force.
     waiting: Option<Setpoint>,
     setpoint: Setpoint,
-    /// It has yet to say that it has started.
+    /// It has yet to report that it has started.
     boots: bool,
     emergency: Option<u16>,
     /// The mode of the setpoints.
@@ -281,12 +281,12 @@ impl Cia402 {
         };
     }
 
-    pub(super) fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
+    pub(super) fn report(&mut self, now_ns: u64, send: &mut dyn FnMut(Frame, u64)) {
         if core::mem::take(&mut self.boots) {
-            say(self.node.heartbeat_frame(NetworkState::BootUp), now_ns);
+            send(self.node.heartbeat_frame(NetworkState::BootUp), now_ns);
         }
         if let Some(code) = self.emergency.take() {
-            say(self.node.emergency_frame(&Emergency { code, register: 1 }), now_ns);
+            send(self.node.emergency_frame(&Emergency { code, register: 1 }), now_ns);
         }
     }
 

@@ -55,7 +55,7 @@ impl SimulatedDrive {
             commanded_ns: 0,
             over_current: OVER_CURRENT,
             full_torque: None,
-            motor: Motor::new(codec.ranges.torque.max),
+            motor: Motor::new(codec.ranges().torque.max),
             watchdog_trips: 0,
         }
     }
@@ -125,7 +125,7 @@ impl SimulatedDrive {
     }
 
     fn register(&self, register: Register) -> Value {
-        let ranges = &self.codec.ranges;
+        let ranges = self.codec.ranges();
         match register {
             Register::OverCurrent => Value::Number(self.over_current),
             Register::Timeout => Value::Watchdog(self.watchdog_ns),

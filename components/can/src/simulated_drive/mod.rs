@@ -8,6 +8,7 @@ mod odrive;
 mod servo;
 
 use crate::frame::{Frame, Id};
+use crate::mit::Ranges;
 use crate::table::{Protocol, Table};
 use crate::{Range, damiao};
 pub use encoder::Mark;
@@ -69,7 +70,8 @@ impl AnySimulatedDrive {
         let mut drive = match (entry.protocol, table.drive(index)) {
             (_, Some(mut codec)) => {
                 if let Some(torque) = overrides.torque {
-                    codec.ranges.torque = Range::symmetric(torque);
+                    let ranges = Ranges { torque: Range::symmetric(torque), ..*codec.ranges() };
+                    codec = codec.with_ranges(ranges);
                 }
                 let drive = SimulatedDrive::new(codec, watchdog_ns);
                 let full = entry.full_current.zip(entry.torque_constant);
@@ -106,7 +108,7 @@ impl AnySimulatedDrive {
         self.motor_mut().mark = mark;
     }
 
-    /// Identifiers of the frames that it hears.
+    /// Identifiers of the frames that it receives.
     pub fn ids(&self) -> Vec<Id> {
         match self {
             Self::Mit(drive) => vec![drive.codec().id(), damiao::EVERYBODY],
@@ -137,10 +139,10 @@ impl AnySimulatedDrive {
     }
 
     /// Frames that it sends by itself until `now_ns`, each with its time.
-    pub fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
+    pub fn report(&mut self, now_ns: u64, send: &mut dyn FnMut(Frame, u64)) {
         match self {
-            Self::Odrive(drive) => drive.report(now_ns, say),
-            Self::Cia402(drive) => drive.report(now_ns, say),
+            Self::Odrive(drive) => drive.report(now_ns, send),
+            Self::Cia402(drive) => drive.report(now_ns, send),
             Self::Mit(_) | Self::Moteus(_) | Self::Servo(_) => {}
         }
     }

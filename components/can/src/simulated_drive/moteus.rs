@@ -1,12 +1,13 @@
 //! A simulated moteus drive.
 
+use super::encoder::Zero;
 use super::{Motor, Watchdog};
 use crate::frame::{Frame, Id};
-use crate::moteus::{Command, Instruction, Mode, Node, Resolution, State};
+use crate::moteus::{Command, Home, Instruction, Mode, Node, Resolution, State};
 use crate::table::{LoopEntry, Table};
 
 /// The fault of a motor that is too hot.
-const OVER_TEMPERATURE: u8 = 40;
+const OVER_TEMPERATURE: u8 = 38;
 
 /// A moteus: a position loop with gains that commands scale, and a watchdog that each command sets.
 #[derive(Clone, Debug)]
@@ -62,15 +63,29 @@ impl Moteus {
                 self.held = command.position.is_nan().then(|| self.held.unwrap_or(self.motor.position));
                 self.command = command;
                 self.watchdog.fed_ns = now_ns;
-                let named_ns = (command.watchdog * 1e9) as u64;
-                self.watchdog.after_ns = if named_ns > 0 { Some(named_ns) } else { self.own_watchdog_ns };
+                self.watchdog.after_ns = match (command.watchdog * 1e9) as u64 {
+                    _ if command.watchdog.is_nan() => None,
+                    0 => self.own_watchdog_ns,
+                    named_ns => Some(named_ns),
+                };
             }
             Instruction::Brake if !is_latched => self.mode = Mode::Brake,
             Instruction::Position(_) | Instruction::Brake | Instruction::Query => {}
         }
         let Motor { position, velocity, torque, temperature, .. } = self.motor;
         let (mode, fault) = (self.mode, self.fault);
-        let state = State { mode, position, velocity, torque, voltage: 24.0, temperature, fault };
+        let home = if self.motor.zero == Zero::Absolute { Home::Output } else { Home::Relative };
+        let state = State {
+            mode,
+            position,
+            velocity,
+            torque,
+            voltage: 24.0,
+            temperature,
+            motor_temperature: Some(temperature),
+            home: Some(home),
+            fault,
+        };
         Some(self.node.reply_frame(&state, Resolution::Int16))
     }
 

@@ -120,12 +120,12 @@ impl Odrive {
         (self.is_enabled, self.search) = (false, None);
     }
 
-    pub(super) fn report(&mut self, now_ns: u64, say: &mut dyn FnMut(Frame, u64)) {
+    pub(super) fn report(&mut self, now_ns: u64, send: &mut dyn FnMut(Frame, u64)) {
         while self.next_report_ns <= now_ns {
             let Motor { position, velocity, torque, .. } = self.motor;
-            say(self.node.report_frame(&Report::Encoder { position, velocity }), self.next_report_ns);
+            send(self.node.report_frame(&Report::Encoder { position, velocity }), self.next_report_ns);
             let torques = Report::Torques { target: self.setpoint[2], estimate: torque };
-            say(self.node.report_frame(&torques), self.next_report_ns);
+            send(self.node.report_frame(&torques), self.next_report_ns);
             self.next_report_ns += self.every_ns;
         }
         while self.next_heartbeat_ns <= now_ns {
@@ -136,10 +136,10 @@ impl Odrive {
             };
             let result = u8::from(self.search.is_some());
             let heartbeat = Report::Heartbeat { error: self.error, state, result };
-            say(self.node.report_frame(&heartbeat), self.next_heartbeat_ns);
+            send(self.node.report_frame(&heartbeat), self.next_heartbeat_ns);
             let motor = self.motor.temperature;
             let temperature = Report::Temperature { transistors: motor, motor };
-            say(self.node.report_frame(&temperature), self.next_heartbeat_ns);
+            send(self.node.report_frame(&temperature), self.next_heartbeat_ns);
             self.next_heartbeat_ns += HEARTBEAT_NS;
         }
     }

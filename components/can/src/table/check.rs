@@ -1,5 +1,7 @@
 //! The mistakes of a drive table that it shows by itself.
 
+use core::f64::consts::TAU;
+
 use super::{BusEntry, BusKind, ControlMode, DriveEntry, Protocol, Table};
 use super::{current, homing};
 use crate::Range;
@@ -24,7 +26,7 @@ pub(super) fn check(table: &Table) -> Result<(), Mistake> {
     for (index, bus) in table.buses.iter().enumerate() {
         let at = |(message, advice): Refusal| (Some(("bus", index)), message, advice);
         check_bus(bus, &table.buses[..index]).map_err(at)?;
-        check_speakers(table, bus).map_err(at)?;
+        check_protocols(table, bus).map_err(at)?;
     }
     for (index, drive) in table.drives.iter().enumerate() {
         let at = |(message, advice): Refusal| {
@@ -111,7 +113,7 @@ fn check_place(bus: &BusEntry, place: Place<'_>) -> Result<(), Refusal> {
 }
 
 /// Refuses drives on one bus whose identifiers mean something else in the protocol of others.
-fn check_speakers(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
+fn check_protocols(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
     let on_bus = || table.drives.iter().filter(|drive| drive.bus == bus.name);
     let takes_all =
         |protocol: Protocol| matches!(protocol, Protocol::Odrive | Protocol::Cia402) || protocol.is_servo();
@@ -202,6 +204,9 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
         let message = format!("moteus on the classic bus `{}`", bus.name);
         return Err((message, "its frames are CAN FD: give the bus a `data_bitrate`, usually 5_000_000"));
     }
+    if protocol == Protocol::Moteus {
+        check_moteus(drive)?;
+    }
     let is_cia402 = protocol == Protocol::Cia402;
     let foreign = [
         ("master", drive.master.is_some(), protocol.reply().is_some(), "the MIT family"),
@@ -213,6 +218,12 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
             "drives with a loop of their own",
         ),
         ("report_every", drive.report_every.is_some(), protocol == Protocol::Odrive, "ODrive"),
+        (
+            "reference",
+            drive.reference.is_some(),
+            protocol == Protocol::Moteus && drive.homing.is_none(),
+            "moteus without `homing`",
+        ),
         ("eds", drive.eds.is_some(), is_cia402, "CiA 402"),
         ("increments", drive.increments.is_some(), is_cia402, "CiA 402"),
         ("rated_torque", drive.rated_torque.is_some(), is_cia402, "CiA 402"),
@@ -283,4 +294,18 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
         ));
     }
     Ok(())
+}
+
+/// The largest values of registers of 16 bits: position, velocity (in turns and turns per second) and torque.
+const MOTEUS_MOST: [f64; 3] = [3.2767 * TAU, 8.19175 * TAU, 327.67];
+
+/// Refuses ranges beyond the registers of a moteus, in which all beyond would look like their end.
+fn check_moteus(drive: &DriveEntry) -> Result<(), Refusal> {
+    let ranges = [drive.ranges.position, drive.ranges.velocity, drive.ranges.torque];
+    let names = [("position", "rad"), ("velocity", "rad/s"), ("torque", "N m")];
+    let beyond = ranges.into_iter().zip(MOTEUS_MOST).zip(names).find(|((value, most), _)| value > most);
+    beyond.map_or(Ok(()), |((value, most), (name, unit))| {
+        let message = format!("a {name} of {value} {unit}, and the registers of a moteus end at {most:.2}");
+        Err((message, "write less, and let `ratio` be that of the joint to the output of the drive"))
+    })
 }

@@ -6,6 +6,7 @@ use serde::Deserialize;
 
 use super::HomingEntry;
 use crate::cia402::Mapping;
+use crate::moteus::Home;
 use crate::{Range, mit};
 
 /// A bus of a drive table.
@@ -84,6 +85,9 @@ pub struct DriveEntry {
     pub position_loop: Option<LoopEntry>,
     /// Time between two reports of the encoder, as it is set in the drive. Default 10 ms. Of ODrive only.
     pub report_every: Option<TimeSpan>,
+    /// The least from which the position has to be counted that the drive tells: "output", or "rotor", for a joint that moves by less
+    /// than a turn of the rotor. Default "output". Of moteus without `homing` only.
+    pub reference: Option<ReferenceEntry>,
     /// Increments of the encoder per turn of the output shaft. Of CiA 402 only, where it is required unless the data sheet has it.
     pub increments: Option<f64>,
     /// The rated torque, of which torques are thousandths: object 0x6076, N m. Of CiA 402 only, where it is required unless the
@@ -129,6 +133,26 @@ pub enum ControlMode {
     Velocity,
     /// Torques: the adapter applies the gains of the command to the newest state, once a cycle.
     Torque,
+}
+
+/// The place from which a drive counts its position.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ReferenceEntry {
+    /// Its output.
+    #[default]
+    Output,
+    /// The encoder of its rotor.
+    Rotor,
+}
+
+impl From<ReferenceEntry> for Home {
+    fn from(entry: ReferenceEntry) -> Self {
+        match entry {
+            ReferenceEntry::Output => Self::Output,
+            ReferenceEntry::Rotor => Self::Rotor,
+        }
+    }
 }
 
 /// The gains of a drive's own position loop, in the units of its output shaft.

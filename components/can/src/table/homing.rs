@@ -61,6 +61,8 @@ pub struct HomingEntry {
     pub position: Option<f64>,
     /// Distance by which it moves away from the stop again, rad or m. Default 0.05. Of "stop".
     pub back_off: Option<f64>,
+    /// Largest energy with which the joint may meet its stop, J, by the inertia of the robot's model. Default 0.1. Of "stop".
+    pub energy: Option<f64>,
 }
 
 /// The part that finds the mark of a joint.
@@ -97,6 +99,8 @@ pub(crate) struct HomingObjects {
 
 /// The usual time for a homing.
 const TIMEOUT: TimeSpan = TimeSpan { ns: 20_000_000_000 };
+/// The usual bound of the energy at a stop, J: that of half a kilogram metre squared at 0.6 rad/s.
+const ENERGY: f64 = 0.1;
 /// The usual way back from a stop, rad or m.
 const BACK_OFF: f64 = 0.05;
 
@@ -109,6 +113,11 @@ impl HomingEntry {
     /// Distance by which the joint moves away from its stop, rad or m.
     pub fn back_off(&self) -> f64 {
         self.back_off.unwrap_or(BACK_OFF)
+    }
+
+    /// Largest energy with which the joint may meet its stop, J.
+    pub fn energy(&self) -> f64 {
+        self.energy.unwrap_or(ENERGY)
     }
 
     /// Position of the joint when a homing at its stop is over, rad or m; `None` for another homing.
@@ -189,6 +198,7 @@ fn check_keys(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
         ("effort", homing.effort.is_some(), is_stop, is_required),
         ("position", homing.position.is_some(), is_stop, is_required),
         ("back_off", homing.back_off.is_some(), is_stop, false),
+        ("energy", homing.energy.is_some(), is_stop, false),
     ];
     let by = if is_own { "drive" } else { "stop" };
     for (key, is_there, is_known, is_required) in keys {
@@ -300,6 +310,10 @@ fn check_stop(drive: &DriveEntry, homing: &HomingEntry) -> Result<(), Refusal> {
         [homing.velocity, homing.effort, homing.position].map(Option::unwrap_or_default);
     let is_number = velocity.is_finite() && velocity != 0.0 && position.is_finite();
     let (is_positive, back_off) = (|x: f64| x.is_finite() && x > 0.0, homing.back_off());
+    if !is_positive(homing.energy()) {
+        let message = format!("a homing with an `energy` of {} J", homing.energy());
+        return Err((message, "write what the stop stands, such as 0.1"));
+    }
     if !(is_number && is_positive(effort) && is_positive(back_off)) {
         return Err((
             format!(

@@ -18,7 +18,9 @@ use crate::frame::{Form, Id};
 use crate::mit;
 use crate::servo::{FAST_AROUND, FAST_HEAD};
 use crate::{OpenError, RealBus};
-pub use entries::{BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry};
+pub use entries::{
+    BusEntry, BusKind, ControlMode, DriveEntry, LoopEntry, Protocol, RangeEntry, ReferenceEntry,
+};
 pub(crate) use homing::HomingObjects;
 pub use homing::{HomingBy, HomingEntry, HomingProcedure};
 
@@ -196,14 +198,12 @@ impl Table {
     pub fn drive(&self, index: usize) -> Option<mit::Drive> {
         let entry = &self.drives[index];
         let usual = if entry.protocol == Protocol::Damiao { 0x10 | u16::from(entry.node) } else { 0 };
-        Some(mit::Drive {
-            node: entry.node,
-            reply_id: Id::Standard(entry.master.unwrap_or(usual)),
-            reply: entry.protocol.reply()?,
-            // its fields cover these, whatever it is limited to
-            ranges: entry.ranges.ranges(),
-            form: self.form(entry),
-        })
+        let reply_id = Id::Standard(entry.master.unwrap_or(usual));
+        // its fields cover these, whatever it is limited to
+        let ranges = entry.ranges.ranges();
+        let mut drive = mit::Drive::new(entry.node, reply_id, entry.protocol.reply()?, ranges);
+        drive.form = self.form(entry);
+        Some(drive)
     }
 
     /// The ranges of a drive's fields, or the largest values that it reaches within its limits.
@@ -264,7 +264,7 @@ impl Table {
                     }
                 }
                 Protocol::Moteus => {
-                    exchanges.push((Shape { extended: true, ..of(32) }, of(16)));
+                    exchanges.push((Shape { extended: true, ..of(32) }, of(20)));
                 }
                 // in the packet with all goals, number and goal; in the one that asks, the number again
                 Protocol::Feetech => {

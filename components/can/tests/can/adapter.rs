@@ -2,6 +2,7 @@
 
 use motorium_can::adapter::{Adapter, OnTrip, Phase, Setpoint, WrongSetting};
 use motorium_can::bus::simulated::Event;
+use motorium_can::mit::Ranges;
 use motorium_can::{Frame, Id, Range, Received, SimulatedBus, SimulatedDrive, Table};
 
 const CYCLE_NS: u64 = 1_000_000;
@@ -187,7 +188,7 @@ fn a_wrong_range_or_watchdog_keeps_all_drives_disabled() {
         let mut rig = Rig::new(well);
         let mut codec = *rig.drives[0].codec();
         if !wrong_watchdog {
-            codec.ranges.torque = Range::symmetric(5.0);
+            codec = codec.with_ranges(Ranges { torque: Range::symmetric(5.0), ..*codec.ranges() });
         }
         rig.drives[0] = SimulatedDrive::new(codec, if wrong_watchdog { None } else { Some(5_000_000) });
         rig.run(100);

@@ -92,7 +92,7 @@ pub(super) fn bare_graph(folder: &Folder, simulation: &str, safety: &str) -> Gra
 }
 
 /// The same, with pushes on the arm.
-fn pushed_graph(folder: &Folder, pushes: &str, simulation: &str, safety: &str) -> Graph {
+pub(super) fn pushed_graph(folder: &Folder, pushes: &str, simulation: &str, safety: &str) -> Graph {
     let text = format!(
         r#"
 name  = "can"

@@ -89,7 +89,7 @@ fn a_servo_that_does_not_limit_its_current_is_not_enabled() {
 fn the_range_of_a_damiao_drive_stays_that_of_its_fields_whatever_its_current() {
     let limited = table("damiao", DAMIAO).unwrap();
     assert_eq!(limited.ranges(0).torque.max, 3.0);
-    assert_eq!(limited.drive(0).unwrap().ranges.torque.max, 10.0);
+    assert_eq!(limited.drive(0).unwrap().ranges().torque.max, 10.0);
     assert_eq!(follow(&limited, None), (true, None));
 }
 

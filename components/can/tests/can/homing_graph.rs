@@ -9,7 +9,7 @@ use motorium_can::{CanAdapter, JointHealth};
 use super::components::{Folder, GOAL, bare_graph, command, graph};
 
 /// The drive table of the planar arm, whose joints are homed: the first one before the others.
-const PLANAR: &str = r#"
+pub(super) const PLANAR: &str = r#"
 [[bus]]
 name    = "can0"
 bitrate = 1_000_000
@@ -22,7 +22,7 @@ node     = 1
 ratio    = 4.0
 watchdog = "20 ms"
 ranges   = { position = 25.0, velocity = 30.0, torque = 8.0 }
-homing   = { by = "stop", velocity = 1.5, effort = 12.0, position = 2.9 }
+homing   = { by = "stop", velocity = 1.5, effort = 12.0, position = 2.9, energy = 4.0 }
 
 [[drive]]
 joint    = "joint2"
@@ -33,7 +33,7 @@ ratio    = 4.0
 reversed = true
 watchdog = "20 ms"
 ranges   = { position = 25.0, velocity = 30.0, torque = 8.0 }
-homing   = { by = "stop", velocity = 1.5, effort = 12.0, position = 2.9, order = 1 }
+homing   = { by = "stop", velocity = 1.5, effort = 12.0, position = 2.9, order = 1, energy = 4.0 }
 
 [[bus]]
 name    = "can1"
@@ -162,16 +162,16 @@ fn while_an_arm_is_homed_no_command_is_judged() {
 fn a_homing_beyond_the_limits_of_its_joint_is_refused() {
     for (from, to, words) in [
         (
-            "velocity = 1.5, effort = 12.0, position = 2.9 }",
-            "velocity = 6.0, effort = 12.0, position = 2.9 }",
+            "velocity = 1.5, effort = 12.0, position = 2.9",
+            "velocity = 6.0, effort = 12.0, position = 2.9",
             "a velocity beyond that of the joint, 5.000",
         ),
         (
-            "effort = 12.0, position = 2.9 }",
-            "effort = 21.0, position = 2.9 }",
+            "effort = 12.0, position = 2.9",
+            "effort = 21.0, position = 2.9",
             "an effort beyond that of the joint, 20.000",
         ),
-        ("position = 2.9 }", "position = 3.0 }", "it ends at 2.9500, and the joint has -2.9000 to 2.9000"),
+        ("position = 2.9", "position = 3.0", "it ends at 2.9500, and the joint has -2.9000 to 2.9000"),
     ] {
         let folder = Folder::new("homing-limits", &PLANAR.replacen(from, to, 1));
         let text = graph(&folder, "", "").check().unwrap_err().render(false);

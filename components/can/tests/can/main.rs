@@ -17,6 +17,7 @@ mod homing;
 mod homing_doubts;
 mod homing_faults;
 mod homing_graph;
+mod homing_hand_over;
 mod homing_tables;
 mod merge;
 mod mit;

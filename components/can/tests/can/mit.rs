@@ -1,21 +1,21 @@
 //! The MIT protocol: published bytes, round trips within half a step of the field.
 
 use motorium_can::mit::{Command, Drive, Fault, Feedback, Instruction, Ranges, Reply, State};
-use motorium_can::{DecodeError, Form, Frame, Id, Range};
+use motorium_can::{DecodeError, Frame, Id, Range};
 use proptest::prelude::*;
 
 fn knee() -> Drive {
-    Drive { ranges: Ranges::new(12.5, 45.0, 18.0), ..Drive::mini_cheetah(1) }
+    Drive::mini_cheetah(1).with_ranges(Ranges::new(12.5, 45.0, 18.0))
 }
 
 fn every_drive() -> [Drive; 5] {
-    let base = Drive { reply_id: Id::Standard(0x11), ..Drive::mini_cheetah(5) };
+    let of = |reply, ranges| Drive::new(5, Id::Standard(0x11), reply, ranges);
     [
-        base,
-        Drive { reply: Reply::MiniCheetahVoltage, ..base },
-        Drive { reply: Reply::CubeMars, ranges: Ranges::AK80_64, ..base },
+        of(Reply::MiniCheetah, Ranges::MINI_CHEETAH),
+        of(Reply::MiniCheetahVoltage, Ranges::MINI_CHEETAH),
+        of(Reply::CubeMars, Ranges::AK80_64),
         Drive::damiao(5, 0x15, Ranges::new(12.5, 30.0, 10.0)),
-        Drive { reply: Reply::RobStride, ranges: Ranges::RS00, form: Form::Classic, ..base },
+        of(Reply::RobStride, Ranges::RS00),
     ]
 }
 
@@ -104,7 +104,45 @@ fn an_answer_of_another_length_device_or_state_is_refused() {
     assert!(matches!(elsewhere, Err(DecodeError::Id { .. })));
 }
 
+/// The integer of a number by the published formula `(x - min) (2^n - 1) / (max - min)`, and how far it is from a half.
+fn published(x: f64, range: &Range, bits: u32) -> (f64, f64) {
+    let scaled = (x - range.min) * f64::from((1_u32 << bits) - 1) / (range.max - range.min);
+    (scaled.round(), (scaled.fract() - 0.5).abs())
+}
+
+#[test]
+fn halves_are_rounded_down_at_zero_of_every_symmetric_range_and_ends_are_reached() {
+    for most in [0.1, 1.0 / 3.0, 3.0, 8.0, 12.5, 12.57, 65.0, 144.0, 1e6] {
+        for bits in [8, 12, 16] {
+            let (range, highest) = (Range::symmetric(most), ((1_u32 << bits) - 1) as u16);
+            assert_eq!(range.encode(0.0, bits), highest / 2, "{most} in {bits} bits");
+            assert_eq!((range.encode(most, bits), range.encode(-most, bits)), (highest, 0));
+            assert_eq!(range.encode(f64::INFINITY, bits), highest);
+            assert_eq!(range.encode(f64::NEG_INFINITY, bits), 0);
+            assert_eq!(Range::from_zero(most).encode(0.0, bits), 0);
+            for value in [0, 1, highest / 2, highest / 2 + 1, highest] {
+                assert_eq!(range.encode(range.decode(value, bits), bits), value, "{most} in {bits} bits");
+            }
+        }
+    }
+    let beside = Range { min: 2.0, max: 4.0 };
+    assert_eq!(
+        (beside.encode(f64::NAN, 12), Range { min: -4.0, max: -2.0 }.encode(f64::NAN, 12)),
+        (0, 0xfff)
+    );
+}
+
 proptest! {
+    #[test]
+    fn an_integer_is_that_of_the_published_formula_wherever_it_is_no_half(
+        x in -20.0..20.0_f64, min in -18.0..-0.01_f64, max in 0.01..18.0_f64, bits in 1..=16_u32,
+    ) {
+        let range = Range { min, max };
+        let (expected, from_half) = published(x.clamp(min, max), &range, bits);
+        prop_assume!(from_half > 1e-9);
+        prop_assert_eq!(f64::from(range.encode(x, bits)), expected);
+    }
+
     #[test]
     fn a_command_arrives_within_half_a_step_of_each_field(
         position in -12.5..12.5_f64, velocity in -45.0..45.0_f64, kp in 0.0..500.0_f64, kd in 0.0..5.0_f64,
@@ -113,7 +151,7 @@ proptest! {
         let (drive, sent) = (knee(), Command { position, velocity, kp, kd, torque });
         let Ok(Instruction::Command(got)) = drive.instruction(&drive.command(&sent)) else { panic!() };
         let near = |a: f64, b: f64, range: &Range, bits| (a - b).abs() <= range.resolution(bits) * (0.5 + 1e-9);
-        let r = &drive.ranges;
+        let r = drive.ranges();
         prop_assert!(near(got.position, position, &r.position, 16));
         prop_assert!(near(got.velocity, velocity, &r.velocity, 12));
         prop_assert!(near(got.kp, kp, &r.kp, 12));
@@ -131,9 +169,9 @@ proptest! {
         let sent = Feedback { position, velocity, torque, temperature, voltage: Some(24.0), state: State::Unknown };
         let got = drive.reply(&drive.answer(&sent)).unwrap();
         let near = |a: f64, b: f64, range: &Range, bits| (a - b).abs() <= range.resolution(bits) * (0.5 + 1e-9);
-        prop_assert!(near(got.position, position, &drive.ranges.position, 16));
-        prop_assert!(near(got.velocity, velocity, &drive.ranges.velocity, 12));
-        prop_assert!(near(got.torque, torque, &drive.ranges.torque, 12));
+        prop_assert!(near(got.position, position, &drive.ranges().position, 16));
+        prop_assert!(near(got.velocity, velocity, &drive.ranges().velocity, 12));
+        prop_assert!(near(got.torque, torque, &drive.ranges().torque, 12));
         prop_assert!(got.temperature.is_none() || got.temperature == temperature);
         prop_assert!(got.voltage.is_none_or(|voltage| (voltage - 24.0).abs() <= 40.0 / 255.0 / 2.0));
         prop_assert_eq!(drive.reply(&drive.answer(&got)).unwrap(), got);

@@ -2,8 +2,9 @@
 
 use core::f64::consts::TAU;
 
-use motorium_can::moteus::{Command, Instruction, Mode, Node, Resolution, State};
-use motorium_can::{DecodeError, Form, Frame, Id};
+use motorium_can::adapter::{Adapter, OnTrip, Phase, WrongSetting};
+use motorium_can::moteus::{Command, Home, Instruction, Mode, Node, Resolution, State};
+use motorium_can::{AnySimulatedDrive, DecodeError, Form, Frame, Id, Overrides, Received, Table, mit};
 use proptest::prelude::*;
 
 fn node() -> Node {
@@ -25,8 +26,8 @@ fn frame(id: Id, hex: &str) -> Frame {
 
 #[test]
 fn frames_are_those_of_the_makers_own_tests() {
-    // asked for by default: mode, three numbers, then voltage, temperature and fault
-    assert_eq!(data(&node().frame(&Instruction::Query, Resolution::Float)), "11001f01130d5050"[..12]);
+    // mode and three numbers as asked for by default, then six registers from the temperature of the motor to the fault
+    assert_eq!(data(&node().frame(&Instruction::Query, Resolution::Float)), "11001f0110060a");
     assert!(data(&node().frame(&Instruction::Stop, Resolution::Float)).starts_with("010000"));
     assert!(data(&node().frame(&Instruction::Brake, Resolution::Float)).starts_with("01000f"));
     let command = Command {
@@ -47,7 +48,7 @@ fn frames_are_those_of_the_makers_own_tests() {
     let expected = Command { position: 0.0, ..Command::default() };
     let Ok(Instruction::Position(found)) = node().instruction(&defaults) else { panic!() };
     assert_eq!((found.position, found.velocity, found.kp_scale), (expected.position, 0.0, 1.0));
-    assert!(found.watchdog.is_nan() && found.max_torque.is_nan());
+    assert!(found.watchdog == 0.0 && found.max_torque.is_nan(), "those of the drive");
 }
 
 #[test]
@@ -56,6 +57,7 @@ fn answers_of_the_makers_own_tests_are_read() {
     let state = node().reply(&minimal).unwrap();
     assert_eq!((state.mode, state.fault), (Mode::Position, 64));
     assert_eq!((state.voltage, state.temperature), (16.0, 48.0));
+    assert_eq!((state.motor_temperature, state.home), (None, None), "it tells neither");
     let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found}");
     near(state.position, 0.0528 * TAU);
     near(state.velocity, -0.128 * TAU);
@@ -65,7 +67,9 @@ fn answers_of_the_makers_own_tests_are_read() {
         node().reply_id(),
         "2407000a00100200fe200010004000700020060a100102203040240250200030 00".replace(' ', "").as_str(),
     );
-    assert_eq!(node().reply(&maximal), Ok(state));
+    // and two more that are asked for here
+    let told = State { motor_temperature: Some(16.0), home: Some(Home::Output), ..state };
+    assert_eq!(node().reply(&maximal), Ok(told));
 }
 
 #[test]
@@ -99,6 +103,135 @@ fn what_is_cut_off_refused_or_lacking_is_no_state() {
     assert!(matches!(node().reply(&stranger), Err(DecodeError::Id { .. })));
 }
 
+/// A drive table of one moteus, with these keys.
+fn table(more: &str) -> String {
+    format!(
+        "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\ndata_bitrate = 5_000_000\n[[drive]]\njoint = \"hip\"\nbus = \"can0\"\n\
+         protocol = \"moteus\"\nnode = 1\nwatchdog = \"20 ms\"\nranges = {{ position = 12.5, velocity = 30.0, torque = 8.0 }}\n{more}\n"
+    )
+}
+
+/// An adapter of such a drive.
+fn adapter(more: &str) -> Adapter {
+    Adapter::new(&Table::parse(&table(more)).unwrap(), &[0], &[0.3], OnTrip::Damp)
+}
+
+/// Ten cycles in which the drive answers this.
+fn answered(mut adapter: Adapter, state: &State) -> Adapter {
+    let mut frames = Vec::new();
+    for cycle in 0..10_u64 {
+        frames.clear();
+        adapter.write(0, &mut frames);
+        adapter.sent(0, frames.len(), cycle * 1_000_000);
+        let frame = node().reply_frame(state, Resolution::Int16);
+        adapter.take(0, &Received { frame, time_ns: cycle * 1_000_000 + 400_000 });
+        adapter.end_cycle(true);
+    }
+    adapter
+}
+
+fn well(home: Home) -> State {
+    let (mode, voltage, temperature) = (Mode::Stopped, 24.0, 30.0);
+    let (position, velocity, torque) = (0.5, 0.0, 0.0);
+    State {
+        mode,
+        position,
+        velocity,
+        torque,
+        voltage,
+        temperature,
+        motor_temperature: None,
+        home: Some(home),
+        fault: 0,
+    }
+}
+
+#[test]
+fn a_drive_that_counts_from_where_its_power_came_on_is_not_enabled_unless_it_is_homed() {
+    for (more, home, is_right) in [
+        ("", Home::Output, true),
+        ("", Home::Rotor, false),
+        ("", Home::Relative, false),
+        ("reference = \"output\"", Home::Rotor, false),
+        ("reference = \"rotor\"", Home::Rotor, true),
+        ("reference = \"rotor\"", Home::Relative, false),
+    ] {
+        let adapter = answered(adapter(more), &well(home));
+        match adapter.wrong_setting() {
+            None => assert!(is_right && adapter.links()[0].phase() == Phase::Enabling, "{more}: {home:?}"),
+            Some((_, WrongSetting::Reference { found, .. })) => assert!(!is_right && found == home, "{more}"),
+            Some((_, other)) => panic!("{more}: {other}"),
+        }
+    }
+    let homed = "homing = { by = \"stop\", velocity = -0.5, effort = 1.0, position = -0.8 }\nposition_loop = { kp = 20.0, kd = 2.0 }";
+    let adapter = answered(adapter(homed), &well(Home::Relative));
+    assert_eq!((adapter.wrong_setting(), adapter.links()[0].phase()), (None, Phase::Homing));
+    let both = Table::parse(&table(&format!("{homed}\nreference = \"rotor\""))).unwrap_err().to_string();
+    assert!(both.contains("`reference`, which is a key of moteus without `homing`"), "{both}");
+}
+
+#[test]
+fn the_simulated_drive_counts_from_its_output_or_where_it_is_homed_from_where_its_power_came_on() {
+    for (more, expected) in [
+        ("", Home::Output),
+        (
+            "homing = { by = \"stop\", velocity = -0.5, effort = 1.0, position = -0.8 }\nposition_loop = { kp = 20.0, kd = 2.0 }",
+            Home::Relative,
+        ),
+    ] {
+        let mut drive = AnySimulatedDrive::new(&Table::parse(&table(more)).unwrap(), 0, Overrides::default());
+        let mut told = None;
+        let query = node().frame(&Instruction::Query, Resolution::Int16);
+        drive.receive(&query, 0, &mut |answer| told = node().reply(&answer).unwrap().home);
+        assert_eq!(told, Some(expected));
+    }
+}
+
+#[test]
+fn faults_have_their_names_and_a_limit_at_which_a_drive_is_no_fault() {
+    for (code, fault) in [
+        (34, mit::Fault::OverVoltage),
+        (35, mit::Fault::Encoder),
+        (38, mit::Fault::HotTransistors),
+        (40, mit::Fault::UnderVoltage),
+        (33, mit::Fault::Other(33)),
+    ] {
+        let state = State { mode: Mode::Fault, fault: code, ..well(Home::Output) };
+        assert_eq!(answered(adapter(""), &state).links()[0].fault(), Some(fault));
+    }
+    // 102: the largest torque of the command
+    let limited = State { mode: Mode::Position, fault: 102, ..well(Home::Output) };
+    let adapter = answered(adapter(""), &limited);
+    assert_eq!((adapter.links()[0].fault(), adapter.has_tripped()), (None, false));
+}
+
+#[test]
+fn the_hotter_of_board_and_motor_is_told() {
+    for (motor, expected) in [(None, 30.0), (Some(12.0), 30.0), (Some(71.0), 71.0)] {
+        let state = State { motor_temperature: motor, ..well(Home::Output) };
+        assert_eq!(answered(adapter(""), &state).links()[0].temperature(), Some(expected));
+    }
+}
+
+#[test]
+fn ranges_beyond_the_registers_of_16_bits_are_refused() {
+    for (from, to, words) in [
+        (
+            "position = 12.5",
+            "position = 25.0",
+            "a position of 25 rad, and the registers of a moteus end at 20.59",
+        ),
+        (
+            "velocity = 30.0",
+            "velocity = 60.0",
+            "a velocity of 60 rad/s, and the registers of a moteus end at 51.47",
+        ),
+    ] {
+        let told = Table::parse(&table("").replace(from, to)).unwrap_err().to_string();
+        assert!(told.contains(words), "{told}");
+    }
+}
+
 fn resolution() -> impl Strategy<Value = Resolution> {
     prop_oneof![Just(Resolution::Int16), Just(Resolution::Int32), Just(Resolution::Float)]
 }
@@ -125,18 +258,22 @@ proptest! {
     fn states_arrive_within_the_steps_of_their_resolution(
         resolution in resolution(), position in -18.0..18.0_f64, velocity in -40.0..40.0_f64, torque in -30.0..30.0_f64,
     ) {
-        let sent = State { mode: Mode::Timeout, position, velocity, torque, voltage: 24.5, temperature: 31.0, fault: 0 };
+        let sent = State {
+            mode: Mode::Timeout, position, velocity, torque, voltage: 24.5, temperature: 31.0,
+            motor_temperature: Some(44.0), home: Some(Home::Output), fault: 0,
+        };
         let found = node().reply(&node().reply_frame(&sent, resolution)).unwrap();
         prop_assert!((found.position - position).abs() <= 1.01e-4 * TAU);
         prop_assert!((found.velocity - velocity).abs() <= 2.51e-4 * TAU);
         prop_assert!((found.torque - torque).abs() <= 0.0101);
         prop_assert_eq!((found.mode, found.voltage, found.temperature), (Mode::Timeout, 24.5, 31.0));
+        prop_assert_eq!((found.motor_temperature, found.home), (Some(44.0), Some(Home::Output)));
     }
 
     #[test]
     fn a_position_that_is_none_stays_so_in_every_resolution(resolution in resolution()) {
         let frame = node().frame(&Instruction::Position(Command::default()), resolution);
         let Ok(Instruction::Position(found)) = node().instruction(&frame) else { panic!() };
-        prop_assert!(found.position.is_nan() && found.watchdog.is_nan());
+        prop_assert!(found.position.is_nan() && found.max_torque.is_nan());
     }
 }

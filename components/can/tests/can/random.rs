@@ -54,10 +54,9 @@ fn of_ten_million_random_frames_none_panics_and_each_accepted_one_is_sent_the_sa
         mit::Reply::Damiao,
         mit::Reply::RobStride,
     ];
-    let drives = forms.map(|reply| mit::Drive {
-        reply,
-        reply_id: Id::Standard(if reply == mit::Reply::MiniCheetah { 0 } else { 0x11 }),
-        ..mit::Drive::mini_cheetah(1)
+    let drives = forms.map(|reply| {
+        let id = Id::Standard(if reply == mit::Reply::MiniCheetah { 0 } else { 0x11 });
+        mit::Drive::new(1, id, reply, mit::Ranges::MINI_CHEETAH)
     });
     let (node, axis) = (cia402::Node::new(1).unwrap(), odrive::Node::new(3).unwrap());
     let request = damiao::Request { node: 1, register: damiao::Register::TorqueMax };

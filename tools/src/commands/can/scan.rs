@@ -14,8 +14,9 @@ use crate::report::table;
 
 /// List the CAN interfaces of this computer, or the devices on one of them.
 ///
-/// Without an interface it lists those that there are. With one it reads the registers of Damiao drives 1 to 15, which changes
-/// nothing, and listens for the heartbeats of ODrives and CANopen nodes. It never enables a drive.
+/// Without an interface it lists those that there are. With one it reads the registers of Damiao drives 1 to 15 and, where the bus
+/// carries CAN FD, of moteus, which changes nothing, and listens for the heartbeats of ODrives and CANopen nodes. It never enables a
+/// drive.
 ///
 /// A path is a serial line. An adapter with slcan on it is found by the version that it tells, and the bus behind it is looked at
 /// with `--bitrate`. On any other line servos are looked for at several speeds, by asking each number whether it is there.
@@ -30,6 +31,10 @@ pub(super) struct Scan {
     /// Bits per second of the bus behind an adapter with slcan
     #[arg(long, default_value_t = 1_000_000)]
     bitrate: u32,
+    /// Bits per second of the data of CAN FD frames behind such an adapter, or on a simulated bus; drives that speak CAN FD are looked
+    /// for then, as on interfaces of the kernel that carry it
+    #[arg(long, value_name = "BITS")]
+    data_bitrate: Option<u32>,
     /// Speeds at which servos are looked for, bit/s; all that are usual if not given
     #[arg(long, value_delimiter = ',')]
     speed: Vec<u32>,
@@ -47,14 +52,16 @@ impl Scan {
         if name.starts_with('/') && !serial::is_adapter(name)? {
             return serial::scan(name, &self.speed, self.json);
         }
-        let rates = Rates { nominal: self.bitrate, fast: self.bitrate };
-        let opened = if name.starts_with('/') || name.contains(':') {
-            RealBus::open(name, &rates, false)
+        let rates = Rates { nominal: self.bitrate, fast: self.data_bitrate.unwrap_or(self.bitrate) };
+        let (opened, is_fd) = if name.starts_with('/') || name.contains(':') {
+            let is_fd = self.data_bitrate.is_some();
+            (RealBus::open(name, &rates, is_fd), is_fd)
         } else {
-            RealBus::of_interface(name)
+            let is_fd = Interface::all()?.iter().any(|interface| interface.name == *name && interface.is_fd);
+            (RealBus::of_interface(name), is_fd)
         };
         let mut bus = opened.map_err(refused)?;
-        let found = scan(&mut bus, Duration::from(self.time), |_, time| std::thread::sleep(time));
+        let found = scan(&mut bus, is_fd, Duration::from(self.time), |_, time| std::thread::sleep(time));
         if self.json {
             let condition = bus.condition().name();
             let value = json!({ "interface": name, "condition": condition, "devices": devices(&found), "others": others(&found) });
@@ -128,6 +135,13 @@ fn devices(found: &Found) -> Vec<Value> {
         DeviceKind::CanOpen { state } => {
             json!({ "node": device.node, "protocol": "canopen", "state": state })
         }
+        DeviceKind::Moteus { mode, home, fault } => json!({
+            "node": device.node,
+            "protocol": "moteus",
+            "mode": format!("{mode:?}"),
+            "counts_from": home.map(|home| format!("{home:?}")),
+            "fault": fault,
+        }),
     };
     found.devices.iter().map(device).collect()
 }
@@ -181,6 +195,10 @@ fn words(kind: &DeviceKind) -> String {
                 _ => "pre-operational",
             };
             format!("canopen  {state}")
+        }
+        DeviceKind::Moteus { mode, home, fault } => {
+            let home = home.map_or_else(String::new, |home| format!(", counts from {home}"));
+            format!("moteus   mode {mode:?}{home}, fault {fault}")
         }
     }
 }

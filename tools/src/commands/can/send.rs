@@ -1,6 +1,7 @@
 //! `motorium can send`: frames of the command line, or a log, onto a bus.
 
 use std::io::{BufRead as _, Read as _};
+use std::num::NonZeroU64;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -35,12 +36,16 @@ pub(super) struct Send {
     #[arg(long, value_name = "TIME", conflicts_with = "log")]
     every: Option<TimeSpan>,
     /// Number of times
-    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true, requires = "every")]
-    count: u64,
+    #[arg(long, value_name = "N", requires = "every")]
+    count: Option<NonZeroU64>,
 }
 
 impl Send {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        anyhow::ensure!(
+            self.every.is_none_or(|every| every.ns > 0),
+            "`--every` is 0, and the bus would carry nothing else: write a time such as \"10 ms\""
+        );
         let records = match self.records()? {
             Ok(records) => records,
             Err((place, error)) => {
@@ -53,7 +58,7 @@ impl Send {
         let is_over = || interrupted.load(std::sync::atomic::Ordering::Relaxed);
         let began = Instant::now();
         let first_us = records.first().map_or(0, Record::time_us);
-        for round in 0.. {
+        for round in 0_u64.. {
             for record in &records {
                 if self.log.is_some() {
                     wait_until(
@@ -67,7 +72,7 @@ impl Send {
                 sender.send(record)?;
             }
             let Some(every) = self.every else { break };
-            if round + 1 == self.count {
+            if self.count.is_some_and(|count| round + 1 == count.get()) {
                 break;
             }
             wait_until(began + Duration::from(every) * (round as u32 + 1), &is_over);

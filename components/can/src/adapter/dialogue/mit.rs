@@ -63,7 +63,7 @@ impl Mit {
             Order::Follow(command) => {
                 let Self { codec, motion, rounding, .. } = self;
                 let state = motion.map(|motion| (motion.position, motion.velocity));
-                frames.push(codec.command(&rounding.command(&command, &codec.ranges, state)));
+                frames.push(codec.command(&rounding.command(&command, codec, state)));
                 return;
             }
         };
@@ -95,7 +95,7 @@ impl Mit {
             return request.changed_value(frame, self.codec.reply_id).map(|_| None);
         }
         let value = request.value(frame, self.codec.reply_id)?;
-        let ranges = &self.codec.ranges;
+        let ranges = self.codec.ranges();
         let expected = match request.register {
             Register::PositionMax => ranges.position.max,
             Register::VelocityMax => ranges.velocity.max,

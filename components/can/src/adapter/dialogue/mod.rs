@@ -1,4 +1,4 @@
-//! The dialogues with drives: orders of the adapter become frames of a protocol, and frames of a drive what they say.
+//! The dialogues with drives: orders of the adapter become frames of a protocol, and frames of a drive responses.
 
 mod cia402;
 mod mit;
@@ -75,7 +75,8 @@ impl Dialogue {
             Self::Mit(drive) => drive.checks(),
             Self::Cia402(drive) => drive.checks(),
             Self::Servo(drive) => drive.checks(),
-            Self::Odrive(_) | Self::Moteus(_) => 0,
+            Self::Moteus(drive) => drive.checks(),
+            Self::Odrive(_) => 0,
         }
     }
 
@@ -110,7 +111,7 @@ impl Dialogue {
     pub(super) fn shortest(&self) -> (Form, usize, usize) {
         match self {
             Self::Mit(drive) => drive.shortest(),
-            Self::Moteus(_) => (Form::FdFast, 12, 16),
+            Self::Moteus(_) => (Form::FdFast, 12, 20),
             // a synchronisation
             Self::Cia402(_) => (Form::Classic, 0, 6),
             Self::Servo(_) => (Form::Packet, 9, 7),
@@ -184,7 +185,7 @@ impl Dialogue {
             Self::Mit(drive) => drive.read(checking, frame),
             Self::Odrive(drive) => drive.read(frame),
             Self::Cia402(drive) => drive.read(checking, frame),
-            Self::Moteus(drive) => drive.read(frame),
+            Self::Moteus(drive) => drive.read(checking, frame),
             Self::Servo(drive) => drive.read(checking, frame),
         }
     }

@@ -1,11 +1,13 @@
 //! The dialogue with moteus drives: a frame of registers to the drive, one back.
 //!
-//! Gains of commands are shares of those that stand in the drive; the watchdog goes with each command.
+//! Gains of commands are shares of those that stand in the drive; the watchdog goes with each command. Before it is enabled the
+//! drive tells from where it counts its position.
 
 use super::{Order, Response};
+use crate::adapter::WrongSetting;
 use crate::frame::{DecodeError, Frame};
 use crate::mit::{Fault, Feedback, Ranges, State};
-use crate::moteus::{self, Instruction, Mode, Node, Resolution};
+use crate::moteus::{self, Home, Instruction, Mode, Node, Resolution};
 use crate::table::{LoopEntry, Table};
 
 /// Numbers of 16 bits: positions to 0.6 mrad.
@@ -16,8 +18,10 @@ pub(in crate::adapter) struct Moteus {
     node: Node,
     gains: LoopEntry,
     ranges: Ranges,
-    /// s; NaN for that of the drive.
+    /// s; NaN for never.
     watchdog: f64,
+    /// The least from which its position has to be counted.
+    reference: Home,
     /// Cycles that are left of those in which its fault is cleared.
     clears: u8,
 }
@@ -33,8 +37,19 @@ impl Moteus {
             gains: table.position_loop(index),
             ranges: table.ranges(index),
             watchdog: if entry.watchdog.ns > 0 { entry.watchdog.ns as f64 * 1e-9 } else { f64::NAN },
+            // where it counts from is found otherwise
+            reference: if entry.is_homed() {
+                Home::Relative
+            } else {
+                entry.reference.unwrap_or_default().into()
+            },
             clears: 0,
         }
+    }
+
+    /// The place from which it counts.
+    pub(super) fn checks(&self) -> u8 {
+        u8::from(self.reference > Home::Relative)
     }
 
     pub(super) fn restart(&mut self) {
@@ -70,12 +85,18 @@ impl Moteus {
         frames.push(self.node.frame(&instruction, RESOLUTION));
     }
 
-    pub(super) fn read(&self, frame: &Frame) -> Result<Response, DecodeError> {
+    pub(super) fn read(&self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         let told = self.node.reply(frame)?;
+        if checking.is_some() {
+            let (found, expected) = (told.home.unwrap_or(Home::Relative), self.reference);
+            return Ok(Response::Setting(
+                (found < expected).then_some(WrongSetting::Reference { found, expected }),
+            ));
+        }
         let state = match told.mode {
             Mode::Position | Mode::ZeroVelocity | Mode::StayWithin => State::Enabled,
             Mode::Fault | Mode::Timeout if self.clears > 0 => State::Disabled,
-            Mode::Fault => State::Fault(Fault::Other(told.fault.into())),
+            Mode::Fault => State::Fault(fault(told.fault)),
             Mode::Timeout => State::Fault(Fault::CommunicationLost),
             _ => State::Disabled,
         };
@@ -83,9 +104,23 @@ impl Moteus {
             position: told.position,
             velocity: told.velocity,
             torque: told.torque,
-            temperature: Some(told.temperature),
+            // the hotter of both
+            temperature: Some(
+                told.motor_temperature.map_or(told.temperature, |motor| motor.max(told.temperature)),
+            ),
             voltage: Some(told.voltage),
             state,
         }))
+    }
+}
+
+/// The fault of a code.
+fn fault(code: u8) -> Fault {
+    match code {
+        34 => Fault::OverVoltage,
+        35 | 42 | 43 => Fault::Encoder,
+        38 => Fault::HotTransistors,
+        40 => Fault::UnderVoltage,
+        code => Fault::Other(code.into()),
     }
 }

@@ -15,7 +15,7 @@ const STILL_WINDOWS: u32 = 2;
 /// Share of the commanded velocity below which a joint does not move. One that is heavy gathers way faster than that.
 const STILL: f64 = 0.03;
 /// Multiple of the commanded velocity beyond which it runs away.
-const RUNAWAY: f64 = 5.0;
+pub(crate) const RUNAWAY: f64 = 5.0;
 /// Largest difference of the two places of a stop, as a share of the way between.
 const REPEATS_WITHIN: f64 = 0.4;
 /// Share of the effort with which it has to stay where it came to rest.
@@ -138,15 +138,17 @@ impl Stop {
             return Outcome::Moving;
         }
         self.window_ns += cycle_ns;
+        let share = |time_ns: u64| forward / (self.velocity.abs() * time_ns as f64 * 1e-9);
+        // as soon as it has gone as far as it may in the whole of it
+        let gone = share(WINDOW_NS.max(self.window_ns)).abs();
+        if gone > RUNAWAY {
+            return Outcome::Failed(HomingFault::Runaway(share(self.window_ns).abs()));
+        }
         if self.window_ns < WINDOW_NS {
             return Outcome::Moving;
         }
-        let commanded = self.velocity.abs() * self.window_ns as f64 * 1e-9;
-        let share = forward / commanded;
+        let share = share(self.window_ns);
         self.begin_window(Some(position));
-        if share.abs() > RUNAWAY {
-            return Outcome::Failed(HomingFault::Runaway(share.abs()));
-        }
         self.still = if share.abs() < STILL { self.still + 1 } else { 0 };
         if self.still < STILL_WINDOWS {
             return Outcome::Moving;

@@ -33,7 +33,7 @@ pub struct TerminalOffer {
     rates: Rates,
     is_fd: bool,
     end: Option<End>,
-    speech: Speech,
+    encoding: Encoding,
     /// Frames that found no room.
     lost: u64,
 }
@@ -48,14 +48,14 @@ struct End {
 
 /// The way in which frames are written.
 #[derive(Debug)]
-enum Speech {
+enum Encoding {
     /// Lines of slcan; whether the channel is open.
     Slcan(slcan::Reader, bool),
     /// Packets of servos as they are.
     Servos(servo::Reader),
 }
 
-impl Speech {
+impl Encoding {
     fn is_slcan(&self) -> bool {
         matches!(self, Self::Slcan(..))
     }
@@ -102,12 +102,12 @@ impl TerminalOffer {
     /// There is something else at the path, or the kernel refuses.
     pub fn open(path: &str, rates: Rates, is_fd: bool, is_servo_line: bool) -> io::Result<Self> {
         let link = PathBuf::from(path);
-        let speech = if is_servo_line {
-            Speech::Servos(servo::Reader::default())
+        let encoding = if is_servo_line {
+            Encoding::Servos(servo::Reader::default())
         } else {
-            Speech::Slcan(slcan::Reader::default(), false)
+            Encoding::Slcan(slcan::Reader::default(), false)
         };
-        Ok(Self { end: Some(plug_in(&link)?), link, rates, is_fd, speech, lost: 0 })
+        Ok(Self { end: Some(plug_in(&link)?), link, rates, is_fd, encoding, lost: 0 })
     }
 
     pub(super) fn receive(&mut self, frames: &mut [Received]) -> usize {
@@ -118,27 +118,27 @@ impl TerminalOffer {
             let Some(byte) = line.next_byte() else {
                 let left_ns = until_ns.saturating_sub(time_ns).min(NEXT_LINE_NS);
                 // after a first frame there may be more of its batch
-                if self.speech.is_slcan() && count > 0 && left_ns > 0 && line.wait(left_ns) {
+                if self.encoding.is_slcan() && count > 0 && left_ns > 0 && line.wait(left_ns) {
                     time_ns = monotonic_ns();
                     continue;
                 }
                 break;
             };
-            let frame = match &mut self.speech {
-                Speech::Servos(reader) => {
+            let frame = match &mut self.encoding {
+                Encoding::Servos(reader) => {
                     reader.push_raw(byte).and_then(|(servo, packet)| Frame::packet(servo, packet))
                 }
-                Speech::Slcan(reader, is_open) => match reader.push_request(byte) {
+                Encoding::Slcan(reader, is_open) => match reader.push_request(byte) {
                     Some(Request::Frame(frame)) => {
                         let is_taken = *is_open && (self.is_fd || frame.form == crate::Form::Classic);
                         if !is_taken {
-                            say(line, b"\x07");
+                            write(line, b"\x07");
                         }
                         is_taken.then_some(frame)
                     }
                     Some(request) => {
                         if request == Request::Version {
-                            say(line, b"V1000 simulated");
+                            write(line, b"V1000 simulated");
                         }
                         let is_right = match request {
                             Request::Open | Request::Close => {
@@ -151,7 +151,7 @@ impl TerminalOffer {
                             Request::Nothing | Request::Version => true,
                             Request::Frame(_) | Request::Other => false,
                         };
-                        say(line, if is_right { b"\r" } else { b"\x07" });
+                        write(line, if is_right { b"\r" } else { b"\x07" });
                         None
                     }
                     None => None,
@@ -167,23 +167,23 @@ impl TerminalOffer {
 
     pub(super) fn deliver(&mut self, frame: &Frame) {
         let Some(End { line, .. }) = &mut self.end else { return };
-        let is_said = match &self.speech {
-            Speech::Servos(_) => say(line, frame.data()),
-            Speech::Slcan(_, true) => {
+        let is_written = match &self.encoding {
+            Encoding::Servos(_) => write(line, frame.data()),
+            Encoding::Slcan(_, true) => {
                 let mut text = [0; LONGEST];
                 let length = slcan::write(frame, &mut text);
-                say(line, &text[..length])
+                write(line, &text[..length])
             }
-            Speech::Slcan(_, false) => true,
+            Encoding::Slcan(_, false) => true,
         };
-        self.lost += u64::from(!is_said);
+        self.lost += u64::from(!is_written);
     }
 
     pub(super) fn report(&mut self, report: &Report) {
-        if let (Some(End { line, .. }), Speech::Slcan(_, true)) = (&mut self.end, &self.speech) {
+        if let (Some(End { line, .. }), Encoding::Slcan(_, true)) = (&mut self.end, &self.encoding) {
             let mut text = [0; LONGEST];
             let length = slcan::write_report(report, &mut text);
-            say(line, &text[..length]);
+            write(line, &text[..length]);
         }
     }
 
@@ -194,7 +194,7 @@ impl TerminalOffer {
         } else if self.end.is_none() {
             self.end = plug_in(&self.link).ok();
         }
-        if let Speech::Slcan(reader, is_open) = &mut self.speech {
+        if let Encoding::Slcan(reader, is_open) = &mut self.encoding {
             (*reader, *is_open) = (slcan::Reader::default(), false);
         }
     }
@@ -208,7 +208,7 @@ impl TerminalOffer {
 }
 
 /// Adds what is to be written; false if there is no room for it.
-fn say(line: &mut Terminal, bytes: &[u8]) -> bool {
+fn write(line: &mut Terminal, bytes: &[u8]) -> bool {
     let fits = bytes.len() <= line.room();
     if fits {
         line.push(bytes);

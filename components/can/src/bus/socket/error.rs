@@ -109,12 +109,36 @@ impl OpenError {
             Self::NoSpeed { .. } => {
                 "write 9600, 19200, 38400, 57600, 115200, 500000, 1000000, 2000000, 3000000 or 4000000".into()
             }
-            Self::Refused(name, _) if name.starts_with('/') => {
-                "join the group of serial lines (`sudo usermod -aG dialout $USER`), and see that no other program has it".into()
-            }
+            Self::Refused(name, error) if name.starts_with('/') => match error.kind() {
+                io::ErrorKind::PermissionDenied => {
+                    "join the group of serial lines (`sudo usermod -aG dialout $USER`), and log in again".into()
+                }
+                io::ErrorKind::ResourceBusy => "end the program that has it: `sudo fuser -v` names it".into(),
+                io::ErrorKind::InvalidInput => {
+                    "name a bitrate that the adapter knows, and see that no other program has opened its channel".into()
+                }
+                _ => "see that it is a serial line: `ls /dev/serial/by-id` lists those that there are".into(),
+            },
             Self::Refused(..) => {
                 "look for the cause in `dmesg`, and whether this user may use CAN sockets".into()
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_advice_on_a_serial_line_is_that_of_its_error() {
+        for (kind, words) in [
+            (io::ErrorKind::PermissionDenied, "dialout"),
+            (io::ErrorKind::ResourceBusy, "fuser"),
+            (io::ErrorKind::IsADirectory, "see that it is a serial line"),
+        ] {
+            let told = OpenError::Refused("/dev/ttyACM0".into(), kind.into()).advice();
+            assert!(told.contains(words), "{kind}: {told}");
         }
     }
 }

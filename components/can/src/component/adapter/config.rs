@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::order::StepOrder;
-use crate::component::{Equipped, Source};
+use crate::component::{Equipped, Source, homing_load};
 use crate::{Budget, BusEntry, DriveEntry, Table};
 
 motorium::state_buffer! {
@@ -173,6 +173,22 @@ pub(super) fn check_watchdogs(
             .warn(format!("{message}: a single one that is lost makes it let go"))
             .at("drives")
             .advise(advice);
+    }
+    Ok(())
+}
+
+/// Refuses homings at a stop that cannot succeed, or meet it too hard, and warns of those that may not succeed.
+pub(super) fn check_homing_loads(
+    config: &CanAdapterConfig,
+    equipped: &Equipped,
+    declare: &mut Declare,
+) -> Result<(), ConfigError> {
+    for unfit in homing_load::unfit(equipped, config.gravity) {
+        let message = format!("the homing of `{}`: {}", unfit.joint, unfit.message);
+        if unfit.is_certain {
+            return Err(ConfigError::key("drives", message).advise(unfit.advice));
+        }
+        declare.warn(message).at("drives").advise(unfit.advice);
     }
     Ok(())
 }

@@ -20,7 +20,7 @@ use crate::adapter::{Adapter, Link, OnTrip, Phase, Setpoint};
 use account::BusAccount;
 use config::WhenTripped;
 pub use config::{CanAdapterConfig, JointHealth};
-use config::{check_budget, check_watchdogs};
+use config::{check_budget, check_homing_loads, check_watchdogs};
 use exchange::{Exchange, Sockets, Topics};
 use hand_over::HandOver;
 use order::StepOrder;
@@ -93,6 +93,7 @@ impl Component for CanAdapter {
         if !config.gravity.iter().all(|number| number.is_finite()) {
             return Err(ConfigError::key("gravity", "expected finite numbers"));
         }
+        check_homing_loads(config, &equipped, declare)?;
         let is_real = interfaces::are_real(&equipped.table, declare.clock())?;
         let order = StepOrder::of(config, &equipped.table, is_real, declare.period())?;
         for (index, bus) in equipped.table.buses.iter().enumerate() {

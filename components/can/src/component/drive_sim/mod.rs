@@ -4,9 +4,9 @@ mod actuation;
 mod channel;
 mod config;
 mod endpoints;
+mod fault_injector;
 mod simulated;
 mod sockets;
-mod voice;
 
 use std::path::Path;
 use std::time::Duration;
@@ -25,17 +25,17 @@ use actuation::{Actuation, actuations};
 use channel::channels;
 pub use config::DriveSimulationConfig;
 use endpoints::Endpoints;
+use fault_injector::{DriveNode, FaultInjector, Sender};
 use simulated::Simulated;
 use sockets::Sockets;
-use voice::{Sender, Speaker, Voice};
 
 /// Time from one frame of a babbling node to the next, ns: shorter than a frame.
 const BABBLE_NS: u64 = 50_000;
 
 /// A component that simulates the buses and drives of a robot.
 ///
-/// In each step it moves the buses on to the present, lets each drive hear and answer, runs the inner loops on the joint state
-/// that physics has just published, and publishes the efforts. Drives on an interface of the computer hear what it receives,
+/// In each step it moves the buses on to the present, lets each drive receive frames and answer, runs the inner loops on the joint state
+/// that physics has just published, and publishes the efforts. Drives on an interface of the computer receive what it receives,
 /// and answer on it.
 pub struct DriveSimulation {
     joint_state: Input<JointState>,
@@ -75,7 +75,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// True if it hears what goes over the bus.
+    /// True if it receives what goes over the bus.
     fn is_on_bus(&self) -> bool {
         !self.was_off && !self.is_cut_off
     }
@@ -225,10 +225,10 @@ impl Drives<'_> {
         answer_with: &mut dyn FnMut(Sender, Frame, u64),
     ) {
         let Self { axes, faults, config, random, lost } = self;
-        let mut voice = Voice { faults, config, random, lost };
+        let mut injector = FaultInjector { faults, config, random, lost };
         for axis in axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
-            let speaker = Speaker::of(axis);
-            let mut answer = |answer| voice.say(speaker, answer, time_ns, config.delay.ns, answer_with);
+            let drive = DriveNode::of(axis);
+            let mut answer = |answer| injector.send(drive, answer, time_ns, config.delay.ns, answer_with);
             axis.drive.receive(frame, time_ns, &mut answer);
         }
     }
@@ -242,22 +242,22 @@ impl Drives<'_> {
         answer_with: &mut dyn FnMut(Sender, Frame, u64),
     ) {
         let Self { axes, faults, config, random, lost } = self;
-        let mut voice = Voice { faults, config, random, lost };
+        let mut injector = FaultInjector { faults, config, random, lost };
         for axis in axes.iter_mut().filter(|axis| axis.bus == index && axis.is_on_bus()) {
-            let speaker = Speaker::of(axis);
-            axis.drive.observe(frame, &mut |answer| voice.say(speaker, answer, time_ns, 0, answer_with));
+            let drive = DriveNode::of(axis);
+            axis.drive.observe(frame, &mut |answer| injector.send(drive, answer, time_ns, 0, answer_with));
         }
     }
 
     /// Frames that the drives of a bus send by themselves until `now_ns`.
     fn report(&mut self, index: usize, now_ns: u64, answer_with: &mut dyn FnMut(Sender, Frame, u64)) {
         let Self { axes, faults, config, random, lost } = self;
-        let mut voice = Voice { faults, config, random, lost };
+        let mut injector = FaultInjector { faults, config, random, lost };
         for axis in axes.iter_mut().filter(|axis| axis.bus == index) {
-            let (speaker, is_on_bus) = (Speaker::of(axis), axis.is_on_bus());
+            let (drive, is_on_bus) = (DriveNode::of(axis), axis.is_on_bus());
             axis.drive.report(now_ns, &mut |frame, time_ns| {
                 if is_on_bus {
-                    voice.say(speaker, frame, time_ns, 0, answer_with);
+                    injector.send(drive, frame, time_ns, 0, answer_with);
                 }
             });
         }

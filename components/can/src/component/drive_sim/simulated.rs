@@ -77,7 +77,7 @@ impl Simulated {
         }
     }
 
-    /// Moves a bus on to the present: drives hear what is delivered, and their answers are sent in turn.
+    /// Moves a bus on to the present: drives receive what is delivered, and their answers are sent in turn.
     fn run_bus(&mut self, index: usize, now_ns: u64, drives: &mut Drives<'_>) {
         let Channel { bus, twin, .. } = &mut self.buses[index];
         drives.report(index, now_ns, &mut |sender, frame, ready_ns| {

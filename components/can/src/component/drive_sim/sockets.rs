@@ -1,4 +1,4 @@
-//! Simulated drives on real buses: they hear frames of an interface and answer on it.
+//! Simulated drives on real buses: they receive frames of an interface and answer on it.
 
 use motorium::component::RunClock;
 use motorium::prelude::*;
@@ -105,7 +105,7 @@ impl Sockets {
         }
     }
 
-    /// Lets the drives hear each frame that was received, and report; what they say is sent when its time has come.
+    /// Hands each frame that was received to the drives, and lets them report; what they answer is sent when its time has come.
     pub(super) fn receive(&mut self, drives: &mut Drives<'_>, now_ns: u64) {
         let start_ns = self.clock.stamp_ns(0);
         let Self { lines, inbox, pending, .. } = self;

@@ -6,89 +6,15 @@
 //!
 //! Numbers are spread over [`Ranges`] that stand in the drive: a wrong range scales them silently.
 
+mod ranges;
 mod state;
 
-use super::range::Range;
+use super::range::{Fields, Range};
 use crate::frame::{DecodeError, Form, Frame, Id, exactly};
 
+pub use ranges::{CommandFields, Ranges};
 pub use state::{Fault, State};
 use state::{cubemars_code, cubemars_state, damiao_code, damiao_state};
-
-/// The ranges of the fields, in the units of the drive's output shaft.
-///
-/// ```
-/// use motorium_can::mit::Ranges;
-///
-/// assert_eq!(Ranges::MINI_CHEETAH.velocity.max, 65.0);
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ranges {
-    /// Positions, rad.
-    pub position: Range,
-    /// Velocities, rad/s.
-    pub velocity: Range,
-    /// Position gains, N m/rad.
-    pub kp: Range,
-    /// Velocity gains, N m s/rad.
-    pub kd: Range,
-    /// Torques, N m.
-    pub torque: Range,
-}
-
-impl Ranges {
-    /// Those of the published firmware of the mini cheetah's drives.
-    pub const MINI_CHEETAH: Self = Self::new(12.5, 65.0, 18.0);
-    /// Those of the CubeMars AK80-64.
-    pub const AK80_64: Self = Self::new(12.5, 8.0, 144.0);
-    /// Those of the RobStride RS00.
-    pub const RS00: Self = Self::new(12.57, 33.0, 14.0);
-
-    /// Ranges from the largest position, velocity and torque, with gains up to 500 N m/rad and 5 N m s/rad.
-    pub const fn new(position: f64, velocity: f64, torque: f64) -> Self {
-        Self {
-            position: Range::symmetric(position),
-            velocity: Range::symmetric(velocity),
-            kp: Range::from_zero(500.0),
-            kd: Range::from_zero(5.0),
-            torque: Range::symmetric(torque),
-        }
-    }
-
-    /// A command with each field brought within its range.
-    pub fn clamped(&self, command: &Command) -> Command {
-        self.map(command, |range, x, _| range.nearest(x))
-    }
-
-    /// A command as the drive reads it: each field within its range, and rounded to its bits.
-    ///
-    /// ```
-    /// use motorium_can::mit::{Command, Ranges};
-    ///
-    /// let ranges = Ranges::new(12.5, 30.0, 10.0);
-    /// let read = ranges.rounded(&Command { torque: 1.234, ..Command::default() });
-    /// assert!((read.torque - 1.234).abs() <= ranges.torque.resolution(12) / 2.0);
-    /// assert!(read.velocity < 0.0, "no integer stands for zero in the middle of a range");
-    /// ```
-    pub fn rounded(&self, command: &Command) -> Command {
-        self.map(command, |range, x, bits| range.decode(range.encode(x, bits), bits))
-    }
-
-    fn map(&self, command: &Command, change: impl Fn(&Range, f64, u32) -> f64) -> Command {
-        Command {
-            position: change(&self.position, command.position, 16),
-            velocity: change(&self.velocity, command.velocity, 12),
-            kp: change(&self.kp, command.kp, 12),
-            kd: change(&self.kd, command.kd, 12),
-            torque: change(&self.torque, command.torque, 12),
-        }
-    }
-
-    /// The same with other largest gains.
-    #[must_use]
-    pub const fn with_gains(self, kp: f64, kd: f64) -> Self {
-        Self { kp: Range::from_zero(kp), kd: Range::from_zero(kd), ..self }
-    }
-}
 
 /// The command of a drive, in the units of its output shaft.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -189,78 +115,83 @@ pub struct Drive {
     pub reply_id: Id,
     /// Form of its answers.
     pub reply: Reply,
-    /// Ranges of the fields.
-    pub ranges: Ranges,
     /// Form of its frames on the wire.
     pub form: Form,
+    ranges: Ranges,
+    fields: CommandFields,
 }
 
 const ENABLE: u8 = 0xfc;
 const DISABLE: u8 = 0xfd;
 const SET_ZERO: u8 = 0xfe;
 /// The supply voltage that the largest byte stands for, V.
-const VOLTAGE: Range = Range::from_zero(40.0);
+const VOLTAGE: Fields<1> = Range::from_zero(40.0).field(8);
+
+/// The data of the frame with this code.
+const fn code(code: u8) -> [u8; 8] {
+    [0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, code]
+}
 
 impl Drive {
+    /// A drive with these ranges, and answers of this identifier and form.
+    pub const fn new(node: u8, reply_id: Id, reply: Reply, ranges: Ranges) -> Self {
+        Self { node, reply_id, reply, form: Form::Classic, ranges, fields: ranges.fields() }
+    }
+
     /// A drive with the published firmware of the mini cheetah: ranges of [`Ranges::MINI_CHEETAH`], answers of six bytes
     /// with identifier 0.
     pub const fn mini_cheetah(node: u8) -> Self {
-        Self {
-            node,
-            reply_id: Id::Standard(0),
-            reply: Reply::MiniCheetah,
-            ranges: Ranges::MINI_CHEETAH,
-            form: Form::Classic,
-        }
+        Self::new(node, Id::Standard(0), Reply::MiniCheetah, Ranges::MINI_CHEETAH)
     }
 
     /// A Damiao drive with these ranges, whose answers have the identifier `master`.
     pub const fn damiao(node: u8, master: u16, ranges: Ranges) -> Self {
-        let reply_id = Id::Standard(master & 0x7ff);
-        Self { node, reply_id, reply: Reply::Damiao, ranges, form: Form::Classic }
+        Self::new(node, Id::Standard(master & 0x7ff), Reply::Damiao, ranges)
+    }
+
+    /// The same with other ranges.
+    #[must_use]
+    pub const fn with_ranges(self, ranges: Ranges) -> Self {
+        Self { ranges, fields: ranges.fields(), ..self }
+    }
+
+    /// The ranges of the fields.
+    pub const fn ranges(&self) -> &Ranges {
+        &self.ranges
+    }
+
+    /// The fields of its frames.
+    pub const fn fields(&self) -> &CommandFields {
+        &self.fields
     }
 
     /// The identifier of its commands.
+    #[inline]
     pub fn id(&self) -> Id {
         Id::Standard(u16::from(self.node))
     }
 
     /// The frame of a command. What lies outside the ranges is sent as their end.
+    // in place: a frame that is returned is copied, and the copy waits until its parts are stored
+    #[inline(always)]
     pub fn command(&self, command: &Command) -> Frame {
-        let r = &self.ranges;
-        let p = r.position.encode(command.position, 16);
-        let v = r.velocity.encode(command.velocity, 12);
-        let kp = r.kp.encode(command.kp, 12);
-        let kd = r.kd.encode(command.kd, 12);
-        let t = r.torque.encode(command.torque, 12);
-        let mut data = [
-            (p >> 8) as u8,
-            p as u8,
-            (v >> 4) as u8,
-            ((v << 4) | (kp >> 8)) as u8,
-            kp as u8,
-            (kd >> 4) as u8,
-            ((kd << 4) | (t >> 8)) as u8,
-            t as u8,
-        ];
+        let packed = self.fields.pack(command);
         // All fields at their highest would be the code for enabling, disabling or zeroing: the torque gives way.
-        if data[..7] == [0xff; 7] && data[7] >= ENABLE {
-            data[7] = ENABLE - 1;
-        }
-        self.frame(data)
+        let is_code = packed >= u64::from_be_bytes(code(ENABLE));
+        self.frame(if is_code { code(ENABLE - 1) } else { packed.to_be_bytes() })
     }
 
     /// The frame of an instruction.
     pub fn instruct(&self, instruction: &Instruction) -> Frame {
-        let code = match instruction {
+        self.frame(code(match instruction {
             Instruction::Command(command) => return self.command(command),
             Instruction::Enable => ENABLE,
             Instruction::Disable => DISABLE,
             Instruction::SetZero => SET_ZERO,
-        };
-        self.frame([0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, code])
+        }))
     }
 
+    #[inline]
     fn frame(&self, data: [u8; 8]) -> Frame {
         Frame::of_eight(self.id(), self.form, data)
     }
@@ -280,30 +211,20 @@ impl Drive {
                 _ => {}
             }
         }
-        let r = &self.ranges;
-        let [p1, p0, v1, v_kp, kp0, kd1, kd_t, t0] = data.map(u16::from);
-        Ok(Instruction::Command(Command {
-            position: r.position.decode(p1 << 8 | p0, 16),
-            velocity: r.velocity.decode(v1 << 4 | v_kp >> 4, 12),
-            kp: r.kp.decode((v_kp & 0xf) << 8 | kp0, 12),
-            kd: r.kd.decode(kd1 << 4 | kd_t >> 4, 12),
-            torque: r.torque.decode((kd_t & 0xf) << 8 | t0, 12),
-        }))
+        Ok(Instruction::Command(self.fields.command(u64::from_be_bytes(*data))))
     }
 
     /// The drive's side: the frame of an answer. What its form has no field for is left out.
     pub fn answer(&self, feedback: &Feedback) -> Frame {
-        let r = &self.ranges;
-        let p = r.position.encode(feedback.position, 16);
-        let v = r.velocity.encode(feedback.velocity, 12);
-        let t = r.torque.encode(feedback.torque, 12);
+        let motion = self.fields.pack_motion(feedback.position, feedback.velocity, feedback.torque);
+        let [_, _, _, p1, p0, v1, v_t, t0] = motion.to_be_bytes();
         let celsius = feedback.temperature.unwrap_or(25.0);
-        let mut data =
-            [self.node, (p >> 8) as u8, p as u8, (v >> 4) as u8, ((v << 4) | (t >> 8)) as u8, t as u8, 0, 0];
+        let mut data = [self.node, p1, p0, v1, v_t, t0, 0, 0];
         match self.reply {
             Reply::MiniCheetah => {}
             Reply::MiniCheetahVoltage => {
-                data[7] = VOLTAGE.encode(feedback.voltage.unwrap_or(0.0), 8) as u8;
+                let [voltage] = VOLTAGE.encode([feedback.voltage.unwrap_or(0.0)]);
+                data[7] = voltage as u8;
             }
             Reply::CubeMars => {
                 data[6] = celsius.clamp(-128.0, 127.0) as i8 as u8;
@@ -324,44 +245,41 @@ impl Drive {
     ///
     /// # Errors
     /// The frame has another identifier or length, comes from another drive, or has a code that there is not.
+    // in place, as commands
+    #[inline(always)]
     pub fn reply(&self, frame: &Frame) -> Result<Feedback, DecodeError> {
-        let mut data = [0; 8];
-        if self.reply == Reply::MiniCheetah {
-            data[..6].copy_from_slice(exactly::<6>(frame, self.reply_id)?);
-        } else {
-            data = *exactly::<8>(frame, self.reply_id)?;
-        }
+        // the first byte the most significant, whether or not there are the last two
+        let packed = match self.reply {
+            Reply::MiniCheetah => {
+                let [device, p1, p0, v1, v_t, t0] = *exactly::<6>(frame, self.reply_id)?;
+                u64::from_be_bytes([device, p1, p0, v1, v_t, t0, 0, 0])
+            }
+            _ => u64::from_be_bytes(*exactly::<8>(frame, self.reply_id)?),
+        };
+        let byte = |place: u32| (packed >> (56 - 8 * place)) as u8;
         let (found, expected) = match self.reply {
-            Reply::Damiao => (data[0] & 0xf, self.node & 0xf),
-            _ => (data[0], self.node),
+            Reply::Damiao => (byte(0) & 0xf, self.node & 0xf),
+            _ => (byte(0), self.node),
         };
         if found != expected {
             return Err(DecodeError::Device { found, expected });
         }
-        let r = &self.ranges;
-        let [_, p1, p0, v1, v_t, t0, ..] = data.map(u16::from);
-        let mut feedback = Feedback {
-            position: r.position.decode(p1 << 8 | p0, 16),
-            velocity: r.velocity.decode(v1 << 4 | v_t >> 4, 12),
-            torque: r.torque.decode((v_t & 0xf) << 8 | t0, 12),
-            temperature: None,
-            voltage: None,
-            state: State::Unknown,
-        };
+        let [position, velocity, torque] = self.fields.motion(packed >> 16);
+        let (temperature, voltage, state) = (None, None, State::Unknown);
+        let mut feedback = Feedback { position, velocity, torque, temperature, voltage, state };
         match self.reply {
             Reply::MiniCheetah => {}
-            Reply::MiniCheetahVoltage => feedback.voltage = Some(VOLTAGE.decode(data[7].into(), 8)),
+            Reply::MiniCheetahVoltage => feedback.voltage = Some(VOLTAGE.decode::<0>(byte(7).into())),
             Reply::CubeMars => {
-                feedback.temperature = Some(f64::from(data[6] as i8));
-                feedback.state = cubemars_state(data[7])?;
+                feedback.temperature = Some(f64::from(byte(6) as i8));
+                feedback.state = cubemars_state(byte(7))?;
             }
             Reply::Damiao => {
-                feedback.temperature = Some(f64::from(data[6].max(data[7])));
-                feedback.state = damiao_state(data[0] >> 4)?;
+                feedback.temperature = Some(f64::from(byte(6).max(byte(7))));
+                feedback.state = damiao_state(byte(0) >> 4)?;
             }
             Reply::RobStride => {
-                let tenths = u16::from_be_bytes([data[6], data[7]]);
-                feedback.temperature = Some(f64::from(tenths) / 10.0);
+                feedback.temperature = Some(f64::from(packed as u16) / 10.0);
             }
         }
         Ok(feedback)

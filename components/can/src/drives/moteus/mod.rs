@@ -11,8 +11,8 @@ use core::f64::consts::TAU;
 use crate::frame::{DecodeError, Frame, Id};
 pub use registers::Resolution;
 use registers::{
-    COMMAND, COMMANDED, FAULT, MODE, POSITION, READ, REPLY, TEMPERATURE, TORQUE, VELOCITY, VOLTAGE, WATCHDOG,
-    WRITE, Writer, registers,
+    COMMAND, COMMANDED, FAULT, HOME, MODE, MOTOR_TEMPERATURE, POSITION, READ, REPLY, TEMPERATURE, TORQUE,
+    VELOCITY, VOLTAGE, WATCHDOG, WRITE, Writer, registers,
 };
 
 /// The state of a drive.
@@ -74,6 +74,32 @@ impl Mode {
     ];
 }
 
+/// The place from which the position of a drive is counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Home {
+    /// That at which its power came on.
+    Relative = 0,
+    /// Zero of the encoder of the rotor: behind a gear there are as many such places as the rotor turns per turn of the output.
+    Rotor = 1,
+    /// Zero of the output: by an encoder there, or because it has been told where it stands.
+    Output = 2,
+}
+
+impl Home {
+    const ALL: [Self; 3] = [Self::Relative, Self::Rotor, Self::Output];
+}
+
+impl core::fmt::Display for Home {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Relative => "the place at which its power came on",
+            Self::Rotor => "the encoder of its rotor",
+            Self::Output => "its output",
+        })
+    }
+}
+
 /// A command of the position mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Command {
@@ -89,7 +115,7 @@ pub struct Command {
     pub kd_scale: f64,
     /// Largest torque, N m; NaN for that of the drive.
     pub max_torque: f64,
-    /// Time without a command after which it lets go, s; NaN for that of the drive.
+    /// Time without a command after which it lets go, s; 0 for that of the drive (`servo.default_timeout_s`), NaN for never.
     pub watchdog: f64,
 }
 
@@ -103,10 +129,13 @@ impl Default for Command {
             kp_scale: 1.0,
             kd_scale: 1.0,
             max_torque: f64::NAN,
-            watchdog: f64::NAN,
+            watchdog: 0.0,
         }
     }
 }
+
+/// Registers from the temperature of the motor to the fault.
+const TOLD: usize = (FAULT - MOTOR_TEMPERATURE + 1) as usize;
 
 /// A message to a drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,9 +163,13 @@ pub struct State {
     pub torque: f64,
     /// Supply voltage, V.
     pub voltage: f64,
-    /// Temperature, degrees Celsius.
+    /// Temperature of its board, degrees Celsius.
     pub temperature: f64,
-    /// Code of its fault, up to 127; 0 for none.
+    /// Temperature of its motor, degrees Celsius, if it tells.
+    pub motor_temperature: Option<f64>,
+    /// The place from which its position is counted, if it tells.
+    pub home: Option<Home>,
+    /// Code of its fault, up to 127; 0 for none. From 96 on it is no fault, but the limit at which it is.
     pub fault: u8,
 }
 
@@ -147,7 +180,7 @@ pub struct State {
 ///
 /// let node = Node::new(1).ok_or("1 to 126")?;
 /// let stop = node.frame(&Instruction::Stop, Resolution::Int16);
-/// assert_eq!(format!("{stop:?}"), "0x00008001#01000011001701130D505050");
+/// assert_eq!(format!("{stop:?}"), "0x00008001#0100001100170110060A5050");
 /// # Ok::<(), &str>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -173,7 +206,7 @@ impl Node {
         Id::standard(id).unwrap_or(Id::Extended(id.into()))
     }
 
-    /// The frame of a message, which asks for the state in the same resolution; voltage, temperature and fault in 8 bits.
+    /// The frame of a message, which asks for the state in the same resolution; temperatures, the place of home, voltage and fault in 8 bits.
     pub fn frame(self, instruction: &Instruction, resolution: Resolution) -> Frame {
         let mut out = Writer::default();
         let mode = match instruction {
@@ -195,7 +228,7 @@ impl Node {
         }
         out.head(READ, Resolution::Int8, MODE, 1);
         out.head(READ, resolution, POSITION, 3);
-        out.head(READ, Resolution::Int8, VOLTAGE, 3);
+        out.head(READ, Resolution::Int8, MOTOR_TEMPERATURE, TOLD);
         out.frame(self.id())
     }
 
@@ -248,7 +281,10 @@ impl Node {
             .into_iter()
             .zip(POSITION..)
             .for_each(|(value, register)| out.value(value, register, resolution));
-        out.head(REPLY, Resolution::Int8, VOLTAGE, 3);
+        out.head(REPLY, Resolution::Int8, MOTOR_TEMPERATURE, TOLD);
+        out.value(state.motor_temperature.unwrap_or(0.0), MOTOR_TEMPERATURE, Resolution::Int8);
+        // no trajectory is limited here: each is complete
+        out.put(&[1, state.home.unwrap_or(Home::Relative) as u8]);
         out.value(state.voltage, VOLTAGE, Resolution::Int8);
         out.value(state.temperature, TEMPERATURE, Resolution::Int8);
         out.put(&[state.fault]);
@@ -281,6 +317,10 @@ impl Node {
         let code = get(MODE, "the mode")?;
         let mode = Mode::ALL.into_iter().find(|mode| f64::from(*mode as u8) == code);
         let fault = get(FAULT, "the fault")?;
+        let home = values[HOME as usize].map(|code| {
+            let home = Home::ALL.into_iter().find(|home| f64::from(*home as u8) == code);
+            home.ok_or(DecodeError::Field { field: "the place of home", found: code as i32 as u32 })
+        });
         Ok(State {
             mode: mode.ok_or(DecodeError::Field { field: "the mode", found: code as i32 as u32 })?,
             position: get(POSITION, "the position")? * TAU,
@@ -288,6 +328,9 @@ impl Node {
             torque: get(TORQUE, "the torque")?,
             voltage: get(VOLTAGE, "the voltage")?,
             temperature: get(TEMPERATURE, "the temperature")?,
+            motor_temperature: values[MOTOR_TEMPERATURE as usize]
+                .filter(|celsius| *celsius != 0.0 && !celsius.is_nan()),
+            home: home.transpose()?,
             fault: if (0.0..128.0).contains(&fault) && fault % 1.0 == 0.0 {
                 fault as u8
             } else {

@@ -50,14 +50,14 @@ impl Quantity {
     /// Quantity in a register that is known here.
     fn of(register: u32) -> Option<Self> {
         Some(match register {
-            MODE | FAULT => Self::Number,
+            MODE | HOME | FAULT => Self::Number,
             POSITION | COMMAND | 0x26 => Self::Position,
             VELOCITY | 0x21 => Self::Velocity,
             TORQUE | 0x22 | 0x25 => Self::Torque,
             0x23 | 0x24 => Self::Share,
             WATCHDOG => Self::Time,
             VOLTAGE => Self::Voltage,
-            TEMPERATURE => Self::Temperature,
+            TEMPERATURE | MOTOR_TEMPERATURE => Self::Temperature,
             _ => return None,
         })
     }
@@ -87,6 +87,10 @@ pub(super) const MODE: u32 = 0x00;
 pub(super) const POSITION: u32 = 0x01;
 pub(super) const VELOCITY: u32 = 0x02;
 pub(super) const TORQUE: u32 = 0x03;
+/// Celsius, where a thermistor is connected and switched on; else 0.
+pub(super) const MOTOR_TEMPERATURE: u32 = 0x0a;
+/// What the position is counted from.
+pub(super) const HOME: u32 = 0x0c;
 pub(super) const VOLTAGE: u32 = 0x0d;
 pub(super) const TEMPERATURE: u32 = 0x0e;
 pub(super) const FAULT: u32 = 0x0f;

@@ -10,7 +10,7 @@ use crate::frame::DecodeError;
 pub use fast::{FAST_AROUND, FAST_HEAD, FastReader, FastTurn, fast_sum, write_fast_status};
 pub use packet::Packet;
 
-/// The number that all servos hear.
+/// The number that all servos receive.
 pub const EVERYBODY: u8 = 0xfe;
 /// Bytes of the longest packet that is read or written.
 pub const LONGEST: usize = 256;

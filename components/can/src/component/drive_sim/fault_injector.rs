@@ -1,44 +1,44 @@
-//! The way from a drive to its bus, with what befalls its frames on it.
+//! The injection of faults into the frames that drives send.
 
 use super::config::DriveSimulationConfig;
 use super::{Axis, Drive};
 use crate::component::faults::{Fault, FaultKind};
 use crate::{Frame, Id};
 
-/// The drive that sends a frame.
+/// The node of a drive that sends a frame.
 #[derive(Clone, Copy)]
-pub(super) struct Speaker {
+pub(super) struct DriveNode {
     entry: usize,
     node: usize,
     is_odrive: bool,
 }
 
-impl Speaker {
+impl DriveNode {
     pub(super) fn of(axis: &Axis) -> Self {
         Self { entry: axis.entry, node: axis.node, is_odrive: matches!(axis.drive, Drive::Odrive(_)) }
     }
 }
 
-/// The way from a drive to its bus, with what befalls its frames.
-pub(super) struct Voice<'a> {
+/// The injector of delays, losses and faults into the frames on their way from a drive to its bus.
+pub(super) struct FaultInjector<'a> {
     pub(super) faults: &'a [Fault],
     pub(super) config: &'a DriveSimulationConfig,
     pub(super) random: &'a mut u64,
     pub(super) lost: &'a mut u64,
 }
 
-impl Voice<'_> {
-    /// Sends a frame of a drive `delay_ns` after `time_ns`, unless something befalls it.
-    pub(super) fn say(
+impl FaultInjector<'_> {
+    /// Sends a frame of a drive `delay_ns` after `time_ns`, with the faults that the script has for it then.
+    pub(super) fn send(
         &mut self,
-        speaker: Speaker,
+        drive: DriveNode,
         frame: Frame,
         time_ns: u64,
         delay_ns: u64,
         answer_with: &mut dyn FnMut(Sender, Frame, u64),
     ) {
         let (faults, config) = (self.faults, self.config);
-        let has = |kind| faults.iter().find(|fault| fault.befalls(kind, speaker.entry, time_ns));
+        let has = |kind| faults.iter().find(|fault| fault.befalls(kind, drive.entry, time_ns));
         let lost = config.loss > 0.0 && uniform(self.random) < config.loss;
         if has(FaultKind::Silent).is_some() || lost {
             *self.lost += 1;
@@ -54,13 +54,13 @@ impl Voice<'_> {
             let length = frame.data().len().min(6).saturating_sub(1);
             Frame::new(frame.id, frame.form, &frame.data()[..length]).unwrap_or(frame)
         } else if has(FaultKind::Corrupt).is_some() {
-            corrupt(frame, speaker.is_odrive)
+            corrupt(frame, drive.is_odrive)
         } else {
             frame
         };
-        answer_with(Sender::Drive(speaker.node), frame, ready_ns);
+        answer_with(Sender::Drive(drive.node), frame, ready_ns);
         if has(FaultKind::Duplicate).is_some() {
-            answer_with(Sender::Drive(speaker.node), frame, ready_ns);
+            answer_with(Sender::Drive(drive.node), frame, ready_ns);
         }
         if has(FaultKind::Twin).is_some() {
             answer_with(Sender::Twin, elsewhere(frame), ready_ns);
