@@ -86,6 +86,7 @@ impl View<'_> {
             points.push(Seen { place: Vector2::new(from.dot(x), from.dot(y)), point });
         }
         convex_corners(points, |seen| seen.place, corners);
+        flatten(corners);
     }
 
     /// The point of the solid at a place within the corners: on one of the triangles between two corners and the nearest point.
@@ -116,7 +117,7 @@ impl View<'_> {
 
 impl Collisions {
     /// Largest number of [witnesses](Self::witnesses) of a pair.
-    pub const MOST_WITNESSES: usize = 4;
+    pub const MOST_WITNESSES: usize = 12;
 
     /// Appends the witnesses of a pair to `found`: pairs of opposite points, at most [`MOST_WITNESSES`](Self::MOST_WITNESSES), any of
     /// which may be the nearest one after a small turn of a solid, besides `nearest` itself, which was measured at these poses. Each has the
@@ -154,7 +155,9 @@ impl Collisions {
         let Self { rotations, positions, room, .. } = self;
         let WitnessRoom { points, corners, overlap, clipped } = room;
         let normal = V3::from(nearest.normal.into_inner());
-        let axes = square_to(normal);
+        // places on the rim of a cylinder stay where they are as the other solid turns
+        let round = pair.into_iter().find(|solid| matches!(model.solids[*solid].core, Core::Cylinder(..)));
+        let axes = square_to(normal, &rotations[round.unwrap_or(pair[0])]);
         let view = |side: usize, outward: V3| View {
             solid: solids[side],
             rotation: &rotations[pair[side]],
@@ -185,6 +188,21 @@ impl Collisions {
                 normal: nearest.normal,
             });
         }
+    }
+}
+
+/// Leaves the ends of a polygon that is as good as a line.
+fn flatten(corners: &mut Vec<Seen>) {
+    let farthest = |from: Vector2<f64>| {
+        let distance = |seen: &&Seen| (seen.place - from).norm_squared();
+        corners.iter().max_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
+    };
+    let Some(first) = farthest(Vector2::zeros()) else { return };
+    let Some(last) = farthest(first.place) else { return };
+    let way = last.place - first.place;
+    if corners.iter().all(|seen| way.perp(&(seen.place - first.place)).abs() <= SAME * way.norm()) {
+        corners.clear();
+        corners.extend([first, last]);
     }
 }
 
@@ -240,14 +258,10 @@ fn keep_corners(overlap: &mut Vec<Vector2<f64>>) {
     }
 }
 
-/// Two axes square to a direction of length 1 and to one another, without a jump but at -z (Duff and others, *Building an orthonormal
-/// basis, revisited*, 2017).
-fn square_to(normal: V3) -> [V3; 2] {
-    let sign = 1.0_f64.copysign(normal.z);
-    let a = -1.0 / (sign + normal.z);
-    let b = normal.x * normal.y * a;
-    [
-        V3::new(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x),
-        V3::new(b, sign + normal.y * normal.y * a, -normal.y),
-    ]
+/// Two axes square to a direction of length 1 and to one another, along an axis of a solid.
+fn square_to(normal: V3, solid: &M3) -> [V3; 2] {
+    let along = if solid.x.dot(normal).abs() < 0.8 { solid.x } else { solid.y };
+    let x = along - normal * along.dot(normal);
+    let x = x * (1.0 / x.dot(x).sqrt());
+    [x, normal.cross(x)]
 }

@@ -59,7 +59,7 @@ pub enum IkConstraint {
 pub struct IkConflict {
     conflict: Conflict,
     motions: usize,
-    /// Largest amount by which a row of what holds exactly was missed \[m/s or rad/s\]; 0 if the tick has no solution.
+    /// Largest amount by which a row of what holds exactly was missed, times its weight \[m/s or rad/s\]; 0 if the tick has no solution.
     pub slack: f64,
 }
 

@@ -10,7 +10,7 @@ use crate::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Struc
 /// subject to lower <= v <= upper,   lower <= G v <= upper
 /// ```
 ///
-/// Limits admit `v = 0`: it always has a solution.
+/// The rows of `A_c` carry the weights of their tasks, which decide what gives way. Limits admit `v = 0`: it always has a solution.
 #[derive(Debug)]
 pub(super) struct Relaxed {
     weight: f64,

@@ -21,8 +21,8 @@ pub struct CollisionSettings {
     pub pairs: usize,
 }
 
-/// The nearest pairs, of which all witnesses count.
-const WITNESSED: usize = 8;
+/// Rows for the witnesses of the nearest pairs.
+const WITNESSES: usize = 32;
 
 impl Default for CollisionSettings {
     fn default() -> Self {
@@ -42,7 +42,7 @@ impl Default for CollisionSettings {
 /// and does not flee from it faster than by `recovery`.
 ///
 /// Of a pair with flat sides or edges the slope of the nearest points says nothing of the corner that is the nearest one after the next
-/// step. The eight nearest pairs have a row for each of their [witnesses](Collisions::witnesses) besides.
+/// step. The nearest pairs have a row for each of their [witnesses](Collisions::witnesses) besides, 32 in all.
 ///
 /// ```
 /// use motorium_control::limits::{CollisionLimit, CollisionSettings, RowLimit};
@@ -76,7 +76,7 @@ impl CollisionLimit {
             settings,
             workspace: Collisions::new(&collisions),
             nearest: Vec::with_capacity(collisions.pairs().len()),
-            witnesses: Vec::with_capacity(WITNESSED * Collisions::MOST_WITNESSES),
+            witnesses: Vec::with_capacity(WITNESSES),
             row: vec![0.0; model.nv()],
             objects: Vec::new(),
             collisions,
@@ -94,8 +94,7 @@ impl CollisionLimit {
 
 impl RowLimit for CollisionLimit {
     fn rows(&self) -> usize {
-        let pairs = self.settings.pairs;
-        pairs + pairs.min(WITNESSED) * Collisions::MOST_WITNESSES
+        self.settings.pairs + WITNESSES
     }
 
     fn write(&mut self, state: &RobotState<'_>, dt: f64, rows: &mut LimitRows<'_>) {
@@ -106,7 +105,10 @@ impl RowLimit for CollisionLimit {
         nearest.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance));
         let nearest = &nearest[..nearest.len().min(settings.pairs)];
         witnesses.clear();
-        for pair in nearest.iter().take(WITNESSED) {
+        for pair in nearest {
+            if witnesses.len() + Collisions::MOST_WITNESSES > WITNESSES {
+                break;
+            }
             workspace.witnesses(collisions, pair, witnesses);
         }
         let rate = settings.rate.min(dt.recip());

@@ -103,14 +103,14 @@ impl Run<'_> {
     /// It curves downwards, by more than rounding: with [`ROUNDING`] of its largest entry on its diagonal it is no factor's square.
     #[inline(never)]
     fn shift_singular<F: Arithmetic>(&mut self, variable: usize) -> Result<(), SolveError> {
-        if self.work.shift == 0.0 {
+        let before = self.work.shift;
+        if before == 0.0 {
             let largest = self.largest_curvature();
             self.work.shift = ROUNDING * if largest > 0.0 { largest } else { 1.0 };
             if let Some(variable) = self.factorize::<F>() {
                 return Err(SolveError::NotConvex { variable });
             }
         }
-        let before = self.work.shift;
         self.shift();
         // the same once more: no round would change it
         if self.work.shift <= before { Err(SolveError::NotConvex { variable }) } else { Ok(()) }

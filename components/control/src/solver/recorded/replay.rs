@@ -112,8 +112,10 @@ pub fn replay(
                 continue;
             }
             each.push(match outcome {
-                // an interior-point method ends at a saddle point and does not know it
-                Ok(_) if !is_convex(problem) => {
+                // an interior-point method may end at a saddle point and not know it
+                Ok(_) | Err((Status::Numerical | Status::MaxIterations | Status::Unbounded, _))
+                    if !is_convex(problem) =>
+                {
                     let error = "not convex: P is not positive semi-definite; check the signs of its numbers";
                     Each { status: Status::NotConvex, x: Vec::new(), error: Some(error.to_owned()) }
                 }
