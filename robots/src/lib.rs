@@ -84,7 +84,7 @@ pub use format::FileFormat;
 pub use geometry::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, MeshError,
     MeshMode, MeshProblem, Proximity, Ray, RayHit, RayScene, RayShape, SolidKind, SolidProblem, SurfaceEdge,
-    SurfaceTriangle, TriangleMesh, TriangleSurface, VolumeProperties, fit_capsule,
+    SurfaceTriangle, TriangleMesh, TriangleSurface, VolumeProperties, convex_corners, fit_capsule,
 };
 pub use installed::{Installed, installed, installed_folder};
 pub use inverse_kinematics::{IkFailure, IkOptions, IkSolution, InverseKinematics};

@@ -36,6 +36,7 @@ mod standing;
 mod terrain;
 mod urdf_faults;
 mod urdf_reading;
+mod witnesses;
 mod worlds;
 
 #[path = "../examples/forward_kinematics.rs"]

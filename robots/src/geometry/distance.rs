@@ -5,6 +5,7 @@ use super::pairs::CollisionModel;
 use super::search::{Search, TOUCHING, lines, search};
 use super::solid::pose;
 use super::support::{Placed, v3};
+use super::witnesses::WitnessRoom;
 use crate::Kinematics;
 use crate::algebra::{M3, V3};
 use nalgebra::{Isometry3, IsometryMatrix3, Point3, Rotation3, Unit, Vector3};
@@ -36,6 +37,7 @@ pub struct Collisions {
     last: usize,
     simplex: VoronoiSimplex,
     polytope: Polytope,
+    pub(super) room: WitnessRoom,
 }
 
 impl Collisions {
@@ -50,6 +52,7 @@ impl Collisions {
             last: 0,
             simplex: VoronoiSimplex::new(),
             polytope: Polytope::new(),
+            room: WitnessRoom::new(),
         }
     }
 

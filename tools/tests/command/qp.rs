@@ -43,5 +43,8 @@ fn a_file_that_holds_no_problem_is_refused_with_its_name() {
     let ended = run(&["qp", "solve", path.to_str().expect("a plain path")]);
     assert_eq!(ended.status.code(), Some(1));
     let words = String::from_utf8_lossy(&ended.stderr);
-    assert!(words.contains("problems.json") && words.contains("`P` is a matrix with a row of 1"), "{words}");
+    assert!(
+        words.contains("problems.json") && words.contains("`P` is a matrix with 1 numbers in row 0"),
+        "{words}"
+    );
 }

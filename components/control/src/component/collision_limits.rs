@@ -29,6 +29,8 @@ pub struct CollisionConfig {
     pub range: f64,
     /// Share of what is left of a distance that may be covered per second, 1/s, at least 1e-3. Default 5.
     pub rate: f64,
+    /// Speed with which pairs that are nearer than `distance` part, m/s, at most, 0 to 1. Default 0.01.
+    pub recovery: f64,
     /// Largest number of pairs of solids, the nearest ones, 1 to 256. Default 16.
     pub pairs: usize,
     /// Level ground that links keep away from: its height, m, or "world", the ground of the world. Default: no ground.
@@ -79,8 +81,8 @@ pub enum AllObjects {
 
 impl Default for CollisionConfig {
     fn default() -> Self {
-        let CollisionSettings { distance, range, rate, pairs } = CollisionSettings::default();
-        Self { distance, range, rate, pairs, ground: None, objects: None, ignore: Vec::new() }
+        let CollisionSettings { distance, range, rate, recovery, pairs } = CollisionSettings::default();
+        Self { distance, range, rate, recovery, pairs, ground: None, objects: None, ignore: Vec::new() }
     }
 }
 
@@ -145,7 +147,8 @@ impl CollisionConfig {
                 "its links need <collision> shapes; `motorium robot check` names those that cannot be used",
             ));
         }
-        let settings = CollisionSettings { distance, range, rate, pairs: self.pairs };
+        let recovery = in_range(&key("recovery"), self.recovery, 0.0..=1.0)?;
+        let settings = CollisionSettings { distance, range, rate, recovery, pairs: self.pairs };
         let moving = objects.into_iter().filter(|(index, _)| world.objects[*index].is_dynamic());
         Ok(CollisionLimit::new(model, solids, settings).objects(moving))
     }

@@ -5,12 +5,13 @@ use motorium_robots::{PerJoint, World};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::acceleration_limit::AccelerationConfig;
 use super::centre_of_mass_limit::CentreOfMassLimitConfig;
 use super::collision_limits::CollisionConfig;
 use super::frame_limits::FrameLimitConfig;
 use super::support_limits::SupportConfig;
 use super::tasks::TaskConfig;
-use super::torque::InverseDynamicsConfig;
+use super::torque::{InfeasiblePolicy, InverseDynamicsConfig};
 use crate::limits::{PositionLimit, VelocityLimit};
 
 /// Configuration of `control.qp`. Every key has a default: for a robot of the catalogue the table may stay empty.
@@ -63,6 +64,8 @@ pub struct QpControllerConfig {
     /// Time within which a change of a gain or a weight of a task takes effect, evenly, and within which a task whose weight becomes 0, or
     /// more than 0, fades out or in. Default 200 ms; 0: at once.
     pub task_ramp: TimeSpan,
+    /// Course of action where constraints contradict each other, without `inverse_dynamics`, which has a key of its own. Default "hold".
+    pub on_infeasible: Option<InfeasiblePolicy>,
 }
 
 impl Default for QpControllerConfig {
@@ -84,6 +87,7 @@ impl Default for QpControllerConfig {
             state_timeout: TimeSpan { ns: 10_000_000 },
             target_timeout: TimeSpan { ns: 50_000_000 },
             task_ramp: TimeSpan { ns: 200_000_000 },
+            on_infeasible: None,
         }
     }
 }
@@ -121,6 +125,8 @@ pub struct LimitsConfig {
     pub position: PositionLimit,
     /// Joint velocities.
     pub velocity: VelocityLimit,
+    /// Joint accelerations, without `inverse_dynamics`. Default: none are limited.
+    pub acceleration: Option<AccelerationConfig>,
     /// Boxes and speeds of frames.
     pub frames: Vec<FrameLimitConfig>,
     /// Largest speeds of the centre of mass. Default: none.

@@ -6,6 +6,7 @@ use motorium::declare::ClockKind;
 use motorium::prelude::*;
 use motorium::state::{ControlDiagnostics, MAX_TASKS};
 
+use crate::IkConstraint;
 use crate::inverse_dynamics::{ConstraintName, InverseDynamics};
 use crate::solver::{Side, Solution};
 
@@ -83,6 +84,18 @@ pub(super) fn push_bounds(message: &mut ControlDiagnostics, solution: &Solution)
         let side = if *dual > 0.0 { ControlDiagnostics::UPPER } else { ControlDiagnostics::LOWER };
         message.push_active(ControlDiagnostics::JOINT, joint, side);
     }
+}
+
+/// Adds a constraint of inverse kinematics that contradicts others; the velocities of the base are the first `base`.
+pub(super) fn push_conflict(message: &mut ControlDiagnostics, constraint: IkConstraint, base: usize) {
+    let (constraint, index, side) = match constraint {
+        IkConstraint::Held { row } => (ControlDiagnostics::ROW, row, 0),
+        IkConstraint::Limit { row, side } => (ControlDiagnostics::ROW, row, sign(side)),
+        IkConstraint::Joint { velocity, side } => {
+            (ControlDiagnostics::JOINT, velocity.saturating_sub(base), sign(side))
+        }
+    };
+    message.push_active(constraint, index, side);
 }
 
 /// Adds a constraint of inverse dynamics.

@@ -1,9 +1,11 @@
 //! `control.qp`: a controller that moves a robot towards the targets of its tasks, by velocities or by torques.
 
+mod acceleration_limit;
 mod centre_of_mass_limit;
 mod checks;
 mod collision_limits;
 mod config;
+mod conflicts;
 mod diagnostics_output;
 mod frame_limits;
 mod measured;
@@ -15,8 +17,10 @@ mod support_limits;
 mod tasks;
 mod torque;
 mod velocity;
+mod velocity_figures;
 mod wheels;
 
+pub use acceleration_limit::AccelerationConfig;
 pub use centre_of_mass_limit::CentreOfMassLimitConfig;
 pub use collision_limits::{AllObjects, CollisionConfig, LevelGround, OfWorld, WorldObjects};
 pub use config::{Feedback, LevelConfig, LimitsConfig, QpControllerConfig};
@@ -47,8 +51,8 @@ use velocity::VelocityController;
 ///
 /// It begins with the first joint state, at the measured positions; after a crash at the setpoint before the crash, if
 /// the robot is still near it. Without a fresh joint state it commands nothing, so that the drives reach their safe
-/// state by themselves, and begins anew with the next one. If a tick has no solution the setpoint stands still for that
-/// tick; torques follow the policy of the graph.
+/// state by themselves, and begins anew with the next one. Where constraints contradict each other the policy of
+/// the graph decides: by default the setpoint stands still, and torques are relaxed.
 pub struct QpController(Formulation);
 
 /// Level at which it computes.
@@ -82,6 +86,7 @@ impl Component for QpController {
         );
         DiagnosticsOutput::declare(declare);
         parts.row_limits(config)?;
+        parts.acceleration_limit(config)?;
         MovingObjects::declare(config, &parts, declare);
         // no check and no default of a parameter depends on the period
         for (place, task) in parts.tasks(0.0) {

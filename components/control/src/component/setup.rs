@@ -15,7 +15,8 @@ use super::tasks::{
     ActsOn, CartesianConfig, Formulations, PostureConfig, TaskConfig, TaskHead, TaskKind, TaskPlace,
 };
 use crate::inverse_dynamics::{Contact, Unknowns};
-use crate::{FeedForward, check_gains, limits::RowLimit};
+use crate::limits::{AccelerationLimit, RowLimit};
+use crate::{FeedForward, check_gains};
 
 /// Time constant of the acceleration that is fed forward, s.
 const ACCELERATION_SMOOTHING: f64 = 0.004;
@@ -160,20 +161,36 @@ impl ControllerSetup {
 
     /// The limits of combinations of velocities.
     pub(super) fn row_limits(&self, config: &QpControllerConfig) -> Result<RowLimits, ConfigError> {
-        let (model, profile, mut rows) = (&self.model, self.profile.as_ref(), Vec::new());
+        let (model, profile) = (&self.model, self.profile.as_ref());
+        let (mut rows, mut names) = (Vec::new(), Vec::new());
         for (index, frame) in config.limits.frames.iter().enumerate() {
-            frame.build(&format!("limits.frames[{index}]"), model, profile, &mut rows)?;
+            let path = format!("limits.frames[{index}]");
+            frame.build(&path, model, profile, &mut rows)?;
+            names.resize(rows.len(), path);
         }
         if let Some(centre) = &config.limits.centre_of_mass_velocity {
             rows.push(Box::new(centre.build(model)?));
+            names.push("limits.centre_of_mass_velocity".to_owned());
         }
         if let Some(collision) = &config.limits.collision {
-            rows.push(Box::new(collision.build("limits.collision", model, profile, &self.world)?));
+            let path = "limits.collision";
+            rows.push(Box::new(collision.build(path, model, profile, &self.world)?));
+            names.push(path.to_owned());
         }
         let points = self.contacts.iter().map(Contact::points).sum();
         let support = config.limits.support.as_ref();
         let support = support.map(|support| support.build(model, self.gravity, points)).transpose()?;
-        Ok(RowLimits { rows, support, smallest: f64::INFINITY })
+        Ok(RowLimits { rows, names, support, smallest: f64::INFINITY })
+    }
+
+    /// The limit of accelerations, for velocities.
+    pub(super) fn acceleration_limit(
+        &self,
+        config: &QpControllerConfig,
+    ) -> Result<Option<AccelerationLimit>, ConfigError> {
+        let limits = &config.limits;
+        let limit = limits.acceleration.as_ref();
+        limit.map(|limit| limit.build(&self.model, self.profile.as_ref(), limits.position)).transpose()
     }
 
     fn check_tasks(&self) -> Result<(), ConfigError> {
@@ -232,6 +249,8 @@ impl ControllerSetup {
 /// Limits of combinations of velocities.
 pub(super) struct RowLimits {
     pub(super) rows: Vec<Box<dyn RowLimit>>,
+    /// Key of each in the configuration.
+    pub(super) names: Vec<String>,
     pub(super) support: Option<HeldSupport>,
     /// Smallest distance of links from one another and from obstacles so far, m.
     smallest: f64,
@@ -286,12 +305,20 @@ fn refuse_velocity_keys(config: &QpControllerConfig) -> Result<(), ConfigError> 
         ("feedback", config.feedback != default.feedback),
         ("gravity_compensation", config.gravity_compensation != default.gravity_compensation),
         ("inertia_compensation", config.inertia_compensation != default.inertia_compensation),
+        ("limits.acceleration", config.limits.acceleration.is_some()),
         ("limits.position.rate", config.limits.position.rate != default.limits.position.rate),
     ];
+    if config.on_infeasible.is_some() {
+        return Err(ConfigError::key(
+            "on_infeasible",
+            "with `inverse_dynamics`, which has a key of this name",
+        )
+        .advise("move it there: inverse_dynamics = { on_infeasible = \"hold\" }"));
+    }
     match given.into_iter().find(|(_, given)| *given) {
         None => Ok(()),
         Some((key, _)) => Err(ConfigError::key(key, "with `inverse_dynamics`, which has no use for it")
-            .advise("leave it out: torques balance gravity and inertia, and joints brake at `inverse_dynamics.braking`")),
+            .advise("leave it out: torques balance gravity and inertia, and joints accelerate by `inverse_dynamics.max_acceleration` and brake at `inverse_dynamics.braking`")),
     }
 }
 

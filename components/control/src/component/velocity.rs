@@ -7,22 +7,27 @@ use motorium_robots::{Gains, Kinematics, Model};
 use nalgebra::DVector;
 
 use super::config::{Feedback, QpControllerConfig};
-use super::diagnostics_output::{DiagnosticsOutput, push_bounds};
+use super::conflicts::ConstraintRows;
+use super::diagnostics_output::{DiagnosticsOutput, push_bounds, push_conflict};
 use super::objects::MovingObjects;
 use super::setup::{ControllerSetup, RowLimits};
 use super::tasks::{Fades, Held, TaskBounds};
+use super::torque::InfeasiblePolicy;
+use super::velocity_figures::VelocityFigures;
 use super::{period_ns, results};
 use crate::{
     DifferentialIk, FeedForward, IkRows, IkSettings, JointSetpoint, RobotState,
-    limits::{PositionLimit, RowLimit, VelocityLimit},
+    limits::{AccelerationLimit, PositionLimit, RowLimit, VelocityLimit},
 };
+
+/// Cost of a velocity beyond a task that is a constraint, where it gives way, 1/(m/s) or 1/(rad/s).
+const RELAXATION: f64 = 100.0;
 
 /// A controller that turns targets into joint commands, once per step; see [`DifferentialIk`].
 ///
 /// It begins with the first joint state, at the measured positions; after a crash at the setpoint before the crash, if
 /// the robot is still near it. Without a fresh joint state it commands nothing, so that the drives reach their safe
-/// state by themselves, and begins anew with the next one. If a tick has no solution the setpoint stands still for that
-/// tick.
+/// state by themselves, and begins anew with the next one. Where constraints contradict each other it follows its policy.
 pub(super) struct VelocityController {
     joint_state: Input<JointState>,
     joint_command: Output<JointCommand>,
@@ -38,6 +43,7 @@ pub(super) struct VelocityController {
     fades: Fades,
     position: PositionLimit,
     velocity: VelocityLimit,
+    acceleration: Option<AccelerationLimit>,
     rows: RowLimits,
     objects: MovingObjects,
     ik: DifferentialIk,
@@ -60,8 +66,8 @@ pub(super) struct VelocityController {
     state_ns: u64,
     /// Time that the last step that commanded something was for, ns since the run began.
     last_ns: Option<u64>,
-    unsolved: u64,
-    stale: u64,
+    policy: InfeasiblePolicy,
+    figures: VelocityFigures,
 }
 
 impl VelocityController {
@@ -77,7 +83,7 @@ impl VelocityController {
             })
             .collect::<Result<Vec<_>, ConfigureError>>()?;
         let mut rows = vec![0; parts.levels().count()];
-        let limits = parts.row_limits(&config)?;
+        let (limits, acceleration) = (parts.row_limits(&config)?, parts.acceleration_limit(&config)?);
         let mut room = IkRows { limits: limits.count(), ..IkRows::default() };
         for Held { level, task, .. } in &mut tasks {
             if task.is_constraint() {
@@ -90,6 +96,8 @@ impl VelocityController {
         }
         let objects = MovingObjects::configure(&config, &parts, setup)?;
         let (damping, fades) = (parts.level_damping(&config)?, Fades::new(parts.parameter_count()));
+        let policy = config.on_infeasible.unwrap_or(InfeasiblePolicy::Hold);
+        let relaxation = (policy == InfeasiblePolicy::Relax).then_some(RELAXATION);
         let ControllerSetup { model, gains, feed_forward, .. } = parts;
         let mut checkpoint = setup.checkpoint(model.nv())?;
         Ok(Self {
@@ -99,13 +107,15 @@ impl VelocityController {
             kinematics: Kinematics::new(&model),
             measured: Kinematics::new(&model),
             q: DVector::zeros(model.nv()),
+            figures: VelocityFigures::new(ConstraintRows::new(&mut tasks, &limits)),
             tasks,
             fades,
             position: config.limits.position,
             velocity: config.limits.velocity,
+            acceleration,
             rows: limits,
             objects,
-            ik: DifferentialIk::with_room(&model, room, IkSettings { damping: config.damping })
+            ik: DifferentialIk::with_room(&model, room, IkSettings { damping: config.damping, relaxation })
                 .levels(&rows)
                 .level_damping(&damping),
             setpoint: JointSetpoint::new(&model, &vec![0.0; model.nv()]),
@@ -124,8 +134,7 @@ impl VelocityController {
             clock: setup.clock(),
             state_ns: 0,
             last_ns: None,
-            unsolved: 0,
-            stale: 0,
+            policy,
             model,
         })
     }
@@ -150,7 +159,11 @@ impl VelocityController {
             held.task.record(&measured, dt);
         }
         self.checkpoint.save(self.setpoint.position().iter().copied());
-        self.publish(dt)?;
+        match (solved, self.policy) {
+            // where the drives go by themselves, the next setpoint begins there
+            (false, InfeasiblePolicy::SafeStop) => self.setpoint.reset(self.q.as_slice()),
+            _ => self.publish(dt)?,
+        }
         self.publish_diagnostics(solved)
     }
 
@@ -160,14 +173,14 @@ impl VelocityController {
         rows.reset();
         objects.reset(|visit| visit_limits(rows, tasks, visit));
         self.ik.reset();
-        (self.last_ns, self.remembered, self.unsolved, self.stale) = (None, None, 0, 0);
+        (self.last_ns, self.remembered) = (None, None);
+        self.figures.reset();
     }
 
     pub(super) fn result(&self) -> serde_json::Value {
         let mut result = results(&self.tasks);
         self.rows.add_to(&mut result);
-        result["steps_without_solution"] = self.unsolved.into();
-        result["steps_without_fresh_state"] = self.stale.into();
+        self.figures.add_to(&mut result, &self.model);
         result
     }
 
@@ -176,7 +189,7 @@ impl VelocityController {
         let Some(state) = self.joint_state.latest() else { return Ok(false) };
         self.state_ns = state.time_ns();
         if state.age_ns() > self.state_timeout_ns {
-            self.stale += 1;
+            self.figures.stale += 1;
             self.last_ns = None;
             return Ok(false);
         }
@@ -230,15 +243,13 @@ impl VelocityController {
             self.kinematics.update(&self.model, self.setpoint.position());
         }
         let solved = self.solve_parts(bounds);
+        self.figures.count(solved, &self.ik);
         match solved {
             true => {
                 self.setpoint.integrate(self.ik.velocity(), dt);
                 self.tasks.iter_mut().for_each(|held| held.task.solved(self.ik.velocity()));
             }
-            false => {
-                self.unsolved += 1;
-                self.setpoint.hold();
-            }
+            false => self.setpoint.hold(),
         }
         self.setpoint.limit_tracking_error(self.q.as_slice(), self.max_lead);
         solved
@@ -291,6 +302,9 @@ impl VelocityController {
         }
         self.ik.add_limit(&state, &self.position, dt);
         self.ik.add_limit(&state, &self.velocity, dt);
+        if let Some(limit) = &self.acceleration {
+            self.ik.add_acceleration_limit(&state, limit, self.setpoint.velocity(), dt);
+        }
         for limit in &mut self.rows.rows {
             self.ik.add_row_limit(&state, limit.as_mut(), dt);
         }
@@ -301,22 +315,32 @@ impl VelocityController {
         self.diagnostics.begin_solve();
         let solved = self.ik.solve().is_ok();
         self.diagnostics.end_solve();
+        self.figures.observe(&self.ik);
         solved
     }
 
     fn publish_diagnostics(&mut self, solved: bool) -> Result<(), StepError> {
-        let Self { diagnostics, tasks, ik, .. } = self;
+        let Self { diagnostics, tasks, ik, model, .. } = self;
+        let base = model.nv() - model.joint_count();
         diagnostics.publish(tasks.len(), |message| {
+            for constraint in ik.conflict().iter().flat_map(|conflict| conflict.constraints()) {
+                push_conflict(message, constraint, base);
+            }
             if !solved {
                 return;
             }
             let solution = ik.solver().solution();
-            message.status = ControlDiagnostics::SOLVED;
+            message.status = match ik.conflict() {
+                Some(_) => ControlDiagnostics::RELAXED,
+                None => ControlDiagnostics::SOLVED,
+            };
             message.iterations = solution.iterations;
             for (residual, held) in message.residual_mut().iter_mut().zip(tasks) {
                 *residual = held.task.task().map_or(0.0, |task| task.residual(ik.velocity()));
             }
-            push_bounds(message, solution);
+            if ik.conflict().is_none() {
+                push_bounds(message, solution);
+            }
         })
     }
 

@@ -4,7 +4,7 @@ use super::DifferentialIk;
 use crate::{
     RobotState,
     levels::Level,
-    limits::{Limit, LimitRows, RowLimit},
+    limits::{AccelerationLimit, Limit, LimitRows, RowLimit},
     solver::QpSolver,
     tasks::{ContactTask, Task},
 };
@@ -129,6 +129,55 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Intersects the bounds with those of `limit` for a tick of `dt` seconds.
     pub fn add_limit(&mut self, state: &RobotState<'_>, limit: &dyn Limit, dt: f64) {
         limit.intersect(state, dt, &mut self.problem);
+    }
+
+    /// Narrows the bounds by those of `limit` for a tick of `dt` seconds, after all limits of positions and velocities; `before` are the
+    /// velocities of the tick before. Where constraints contradict it, it is given up for the tick before any other is.
+    ///
+    /// ```
+    /// use motorium_control::{DifferentialIk, JointSetpoint, RobotState, tasks::{PostureSettings, PostureTask}};
+    /// use motorium_control::limits::{AccelerationLimit, PositionLimit, VelocityLimit};
+    /// use motorium_robots::{Kinematics, load};
+    /// use nalgebra::DVector;
+    ///
+    /// let panda = load("panda", std::path::Path::new("."))?;
+    /// let (model, home) = (&panda.model, panda.profile.unwrap().home(&panda.model)?);
+    /// let mut kinematics = Kinematics::new(model);
+    /// kinematics.update(model, home.as_slice());
+    /// let state = RobotState { model, kinematics: &kinematics, q: home.as_slice() };
+    /// let settings = PostureSettings { gain: 50.0, weight: 1.0 };
+    /// let mut away = PostureTask::new(model, &vec![0.0; model.nv()]).with(settings);
+    /// let limit = AccelerationLimit::new(model, DVector::repeat(model.nv(), 10.0), PositionLimit::default());
+    ///
+    /// let mut ik = DifferentialIk::new(model);
+    /// ik.begin();
+    /// ik.add_task(&state, 0, &mut away);
+    /// ik.add_limit(&state, &VelocityLimit::default(), 1e-3);
+    /// ik.add_acceleration_limit(&state, &limit, &vec![0.0; model.nv()], 1e-3);
+    /// let fastest = ik.solve()?.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    /// assert!((fastest - 0.01).abs() < 1e-12, "10 rad/s2 for a millisecond");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Panics
+    /// If `before` has not one entry for each velocity.
+    pub fn add_acceleration_limit(
+        &mut self,
+        state: &RobotState<'_>,
+        limit: &AccelerationLimit,
+        before: &[f64],
+        dt: f64,
+    ) {
+        assert_eq!(before.len(), self.motions, "velocities of the tick before");
+        self.unhurried[0].copy_from(&self.problem.lower);
+        self.unhurried[1].copy_from(&self.problem.upper);
+        self.is_narrowed = true;
+        limit.narrow(state, before, dt, &mut self.problem);
+    }
+
+    /// True if the last [`solve`](Self::solve) gave up the limit of accelerations.
+    pub fn is_hurried(&self) -> bool {
+        self.is_hurried
     }
 
     /// Adds the rows of `limit` for a tick of `dt` seconds.

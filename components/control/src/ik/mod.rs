@@ -1,17 +1,23 @@
 //! Differential inverse kinematics: tasks and limits into one joint velocity.
 
+mod conflict;
 mod constraints;
 mod mixture;
+mod relaxed;
+mod solve;
+
+pub use conflict::{IkConflict, IkConstraint};
 
 use motorium_robots::Model;
+use nalgebra::DVector;
+use relaxed::Relaxed;
 
 use crate::{
     RobotState,
     levels::{Freedom, Level, LevelSolver, Rows},
     limits::Limit,
     solver::{
-        ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Solution, SolveError, Structure,
-        UpdateError,
+        ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, SolveError, Structure, UpdateError,
     },
     tasks::Task,
 };
@@ -22,11 +28,14 @@ pub struct IkSettings {
     /// Tikhonov regularisation: cost of any joint velocity \[1/(rad/s)^2\]. Keeps the solution unique where the
     /// tasks leave a joint open.
     pub damping: f64,
+    /// Weight with which contacts that are held and tasks that are constraints are kept where not all constraints can be: cost of a
+    /// velocity beyond them \[1/(m/s) or 1/(rad/s)\]. Limits are never relaxed. `None`, the default: such a tick has no solution.
+    pub relaxation: Option<f64>,
 }
 
 impl Default for IkSettings {
     fn default() -> Self {
-        Self { damping: 1e-7 }
+        Self { damping: 1e-7, relaxation: None }
     }
 }
 
@@ -76,6 +85,13 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     next_slack: usize,
     /// Rows of the task that becomes a constraint.
     constrained: Rows,
+    relaxed: Option<Relaxed>,
+    conflict: Option<IkConflict>,
+    /// Bounds without the limit of accelerations, and whether there is one.
+    unhurried: [DVector<f64>; 2],
+    is_narrowed: bool,
+    /// True if the last solution is beyond it.
+    is_hurried: bool,
 }
 
 /// Numbers of rows that a [`DifferentialIk`] has room for besides the bounds of the joints.
@@ -165,6 +181,11 @@ impl<S: QpSolver> DifferentialIk<S> {
         let problem = Problem::new(solver.structure());
         let variables = solver.structure().variables();
         Self {
+            relaxed: settings.relaxation.map(|weight| Relaxed::new(solver.structure(), weight)),
+            conflict: None,
+            unhurried: [DVector::zeros(variables), DVector::zeros(variables)],
+            is_narrowed: false,
+            is_hurried: false,
             settings,
             solver,
             velocity: vec![0.0; variables],
@@ -293,6 +314,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.problem.equality_matrix.fill(0.0);
         self.problem.equality_value.fill(0.0);
         (self.next_row, self.next_equality, self.next_slack) = (0, 0, self.motions);
+        self.is_narrowed = false;
         if let Some(below) = &mut self.below {
             below.first.clear();
             below.levels.iter_mut().for_each(|level| level.begin());
@@ -320,45 +342,13 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Solves the posed problem and returns the joint velocity, exactly within its bounds.
-    ///
-    /// # Errors
-    /// [`IkError`]; [`velocity`](Self::velocity) is zero then.
-    pub fn solve(&mut self) -> Result<&[f64], IkError> {
-        self.velocity.fill(0.0);
-        self.solver.update(&self.problem)?;
-        let Solution { x, .. } = self.solver.solve()?;
-        for (joint, (v, x)) in self.velocity.iter_mut().zip(x.iter()).enumerate() {
-            // an interior-point solution may touch a bound from outside by its tolerance
-            *v = x.clamp(self.problem.lower[joint], self.problem.upper[joint]);
-        }
-        if let Err(error) = self.solve_below() {
-            self.velocity.fill(0.0);
-            return Err(error);
-        }
-        Ok(&self.velocity[..self.motions])
-    }
-
-    /// Moves the velocity of the first level by what the levels below decide.
-    fn solve_below(&mut self) -> Result<(), IkError> {
-        let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
-        freedom.open();
-        let mut above = &*first;
-        for (level, solver) in levels.iter_mut().zip(solvers) {
-            freedom.close(above);
-            solver.solve(level, freedom, &self.problem, &mut self.velocity)?;
-            above = &level.rows;
-        }
-        let limits = self.problem.lower.iter().zip(&self.problem.upper);
-        for (v, (lower, upper)) in self.velocity.iter_mut().zip(limits) {
-            *v = v.clamp(*lower, *upper);
-        }
-        Ok(())
-    }
-
     /// Forgets the tick before, at the beginning of an episode.
     pub fn reset(&mut self) {
         self.solver.reset();
+        if let Some(relaxed) = &mut self.relaxed {
+            relaxed.reset();
+        }
+        self.conflict = None;
         if let Some(below) = &mut self.below {
             below.solvers.iter_mut().for_each(LevelSolver::reset);
         }

@@ -33,7 +33,7 @@ pub struct InverseDynamics {
     pub(super) bias: DVector<f64>,
     pub(super) problem: Problem,
     structure: Structure,
-    solver: FirstLevel,
+    pub(super) solver: FirstLevel,
     pub(super) reduced: Option<Reduced>,
     relaxed: Option<Relaxed>,
     pub(super) below: Option<Below>,
@@ -118,7 +118,7 @@ impl InverseDynamics {
             },
             reduced,
             below: None,
-            predicted: (limits > 0).then(|| Predicted::new(model)),
+            predicted: (limits > 0).then(|| Predicted::new(model, limits)),
             next_limit: 0,
             next_constrained: 0,
             constrained: Rows::new(order.variables(), constrained),
@@ -229,19 +229,13 @@ impl InverseDynamics {
     /// # Errors
     /// [`InverseDynamicsError`]: nothing satisfies all constraints and nothing may be relaxed, or the solver reached its limit.
     pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
-        let posed = match &mut self.reduced {
-            Some(reduced) => reduced.pose(&self.order, &mut self.problem),
-            None => &self.problem,
-        };
-        self.solver.update(posed, &self.contacts)?;
         (self.solution.slack, self.solution.undecided) = (None, 0);
-        match self.solver.solve() {
-            Ok(found) => {
-                match &self.reduced {
-                    Some(reduced) => reduced.expand(&found.x, &mut self.x),
-                    None => self.x.copy_from(&found.x),
-                }
-                self.solution.iterations = found.iterations;
+        let mut decided = self.solve_first()?;
+        if matches!(decided, Err(SolveError::Infeasible { .. })) && self.give_up_return() {
+            decided = self.solve_first()?;
+        }
+        match decided {
+            Ok(()) => {
                 let mut active = 0;
                 self.visit_active(&mut |_| active += 1);
                 self.solution.active = active;

@@ -8,6 +8,7 @@ use super::tasks::AccelerationTask;
 use super::{MotionState, WrenchCone};
 use crate::RobotState;
 use crate::limits::{LimitRows, RowLimit};
+use crate::solver::{SolveError, UpdateError};
 
 /// Numbers of rows that an [`InverseDynamics`] has room for besides contacts, torques and joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,11 +27,14 @@ pub(super) struct Predicted {
     step: Vec<f64>,
     /// True if it was computed in this tick.
     pub(super) ready: bool,
+    /// Rows that ask for a way back behind their limit, with the bounds by which they do not.
+    returning: Vec<(usize, f64, f64)>,
 }
 
 impl Predicted {
-    pub(super) fn new(model: &Model) -> Self {
+    pub(super) fn new(model: &Model, limits: usize) -> Self {
         Self {
+            returning: Vec::with_capacity(limits),
             kinematics: Kinematics::new(model),
             q: model.neutral(),
             step: vec![0.0; model.nv()],
@@ -54,8 +58,9 @@ impl InverseDynamics {
     /// ```
     ///
     /// so that `e >= 0` and with it `h >= 0` hold from every state in which they do, up to `a dt^2 / 2`. (Nguyen and Sreenath,
-    /// *Exponential control barrier functions for enforcing high relative-degree safety-critical constraints*, 2016.) Where torques or
-    /// contacts do not allow it, limits give way as those of the joints do.
+    /// *Exponential control barrier functions for enforcing high relative-degree safety-critical constraints*, 2016.) Where constraints
+    /// contradict each other, what is beyond a limit first stays there instead of coming back; where torques or contacts do not even
+    /// allow that, limits give way as those of the joints do.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState};
@@ -110,9 +115,44 @@ impl InverseDynamics {
         let shrink = |room: f64| if room >= 0.0 { rate * room } else { room / dt };
         for row in first..first + count {
             let moving: f64 = v.iter().enumerate().map(|(j, v)| problem.row_matrix[(row, j)] * v).sum();
-            problem.row_upper[row] = shrink(problem.row_upper[row] - moving);
-            problem.row_lower[row] = -shrink(moving - problem.row_lower[row]);
+            let (lower, upper) = (problem.row_lower[row], problem.row_upper[row]);
+            if lower > 0.0 || upper < 0.0 {
+                let staying = (-shrink(moving - lower.min(0.0)), shrink(upper.max(0.0) - moving));
+                predicted.returning.push((row, staying.0, staying.1));
+            }
+            problem.row_upper[row] = shrink(upper - moving);
+            problem.row_lower[row] = -shrink(moving - lower);
         }
+    }
+
+    /// Lets what is beyond a limit stay there, instead of coming back. False if nothing has to come back.
+    pub(super) fn give_up_return(&mut self) -> bool {
+        let Some(predicted) = self.predicted.as_mut().filter(|ahead| !ahead.returning.is_empty()) else {
+            return false;
+        };
+        for (row, lower, upper) in predicted.returning.drain(..) {
+            (self.problem.row_lower[row], self.problem.row_upper[row]) = (lower, upper);
+        }
+        true
+    }
+
+    /// Decides the unknowns by the first level alone.
+    pub(super) fn solve_first(&mut self) -> Result<Result<(), SolveError>, UpdateError> {
+        let posed = match &mut self.reduced {
+            Some(reduced) => reduced.pose(&self.order, &mut self.problem),
+            None => &self.problem,
+        };
+        self.solver.update(posed, &self.contacts)?;
+        let found = match self.solver.solve() {
+            Ok(found) => found,
+            Err(error) => return Ok(Err(error)),
+        };
+        match &self.reduced {
+            Some(reduced) => reduced.expand(&found.x, &mut self.x),
+            None => self.x.copy_from(&found.x),
+        }
+        self.solution.iterations = found.iterations;
+        Ok(Ok(()))
     }
 
     /// Updates `task` at `state` and makes it a constraint above all levels: `A x = b` holds exactly for the rows that have a weight.
@@ -155,6 +195,7 @@ impl InverseDynamics {
         let Self { predicted, problem, order, .. } = self;
         if let Some(predicted) = predicted {
             predicted.ready = false;
+            predicted.returning.clear();
         }
         let (first, held) = (order.first_limit(), order.base + order.motions.len());
         if order.limits > 0 {

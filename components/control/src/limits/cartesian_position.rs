@@ -6,13 +6,17 @@ use nalgebra::{Matrix6xX, Unit, Vector3};
 use super::{LimitRows, RowLimit};
 use crate::RobotState;
 
+/// Speed with which a frame comes back from beyond a plane, at most \[m/s\].
+const RECOVERY: f64 = 0.01;
+
 /// The origin `p` of a frame stays within half-spaces `n' p <= d` of the world, less a margin:
 ///
 /// ```text
-/// n' J_v v  <=  min(rate, 1/dt) max(d - margin - n' p, 0)         m/s
+/// n' J_v v  <=  min(rate, 1/dt) (d - margin - n' p)               m/s, at least -0.01
 /// ```
 ///
-/// (OpenSoT's constraint.) A table below, a wall beside, a box around the hand. Beyond a plane the frame may stay or come back.
+/// (OpenSoT's constraint.) A table below, a wall beside, a box around the hand. From beyond a plane the frame comes back, by at most
+/// 1 cm per second; where other limits do not let it, it stays.
 #[derive(Clone, Debug)]
 pub struct CartesianPositionLimit {
     frame: FrameId,
@@ -60,9 +64,9 @@ impl RowLimit for CartesianPositionLimit {
         let place = state.kinematics.pose(state.model, self.frame).translation.vector;
         let rate = self.rate.min(dt.recip());
         for (normal, distance) in &self.planes {
-            let left = (distance - self.margin - normal.dot(&place)).max(0.0);
+            let left = distance - self.margin - normal.dot(&place);
             let row = self.jacobian.column_iter().map(|column| normal.dot(&column.fixed_rows::<3>(0)));
-            rows.push(row, f64::NEG_INFINITY, rate * left);
+            rows.push_upper_barrier(row, left, rate, RECOVERY);
         }
     }
 }

@@ -15,25 +15,34 @@ pub struct CollisionSettings {
     pub range: f64,
     /// Share of what is left of a distance that may be covered per second \[1/s\]. Default 5.
     pub rate: f64,
+    /// Speed with which pairs that are too near part, at most \[m/s\]. Default 0.01.
+    pub recovery: f64,
     /// Largest number of pairs, the nearest ones. Default 16.
     pub pairs: usize,
 }
 
+/// Rows for the witnesses of the nearest pairs.
+const WITNESSES: usize = 32;
+
 impl Default for CollisionSettings {
     fn default() -> Self {
-        Self { distance: 0.02, range: 0.2, rate: 5.0, pairs: 16 }
+        Self { distance: 0.02, range: 0.2, rate: 5.0, recovery: 0.01, pairs: 16 }
     }
 }
 
 /// Pairs of solids of the robot, and of the robot and obstacles, approach each other ever more slowly:
 ///
 /// ```text
-/// dd/dq v  >=  -min(rate, 1/dt) max(d - distance, 0)
+/// dd/dq v  >=  -min(rate, 1/dt) (d - distance)                    m/s, at most recovery
 /// ```
 ///
 /// with the distance `d` of a pair and its slope (Faverjon and Tournassoud, *A local based approach for path planning of
-/// manipulators with a high number of degrees of freedom*, 1987). Pairs that are too near may stay or part, not approach. The motion of
-/// an obstacle itself does not count in `dd/dq v`: the robot does not approach it, and does not flee from it.
+/// manipulators with a high number of degrees of freedom*, 1987). Pairs that are too near part by `recovery` at most; where other limits do
+/// not let them, they stay as they are. The motion of an obstacle itself does not count in `dd/dq v`: the robot does not approach it,
+/// and does not flee from it faster than by `recovery`.
+///
+/// Of a pair with flat sides or edges the slope of the nearest points says nothing of the corner that is the nearest one after the next
+/// step. The nearest pairs have a row for each of their [witnesses](Collisions::witnesses) besides, 32 in all.
 ///
 /// ```
 /// use motorium_control::limits::{CollisionLimit, CollisionSettings, RowLimit};
@@ -54,6 +63,7 @@ pub struct CollisionLimit {
     collisions: CollisionModel,
     workspace: Collisions,
     nearest: Vec<Proximity>,
+    witnesses: Vec<Proximity>,
     row: Vec<f64>,
     /// Objects of the world that move, each with its solid.
     objects: Vec<(usize, usize)>,
@@ -66,6 +76,7 @@ impl CollisionLimit {
             settings,
             workspace: Collisions::new(&collisions),
             nearest: Vec::with_capacity(collisions.pairs().len()),
+            witnesses: Vec::with_capacity(WITNESSES),
             row: vec![0.0; model.nv()],
             objects: Vec::new(),
             collisions,
@@ -83,22 +94,31 @@ impl CollisionLimit {
 
 impl RowLimit for CollisionLimit {
     fn rows(&self) -> usize {
-        self.settings.pairs
+        self.settings.pairs + WITNESSES
     }
 
     fn write(&mut self, state: &RobotState<'_>, dt: f64, rows: &mut LimitRows<'_>) {
-        let Self { settings, collisions, workspace, nearest, row, .. } = self;
+        let Self { settings, collisions, workspace, nearest, witnesses, row, .. } = self;
         workspace.update(collisions, state.kinematics);
         nearest.clear();
         nearest.extend_from_slice(workspace.within(collisions, settings.range));
         nearest.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance));
+        let nearest = &nearest[..nearest.len().min(settings.pairs)];
+        witnesses.clear();
+        for pair in nearest {
+            if witnesses.len() + Collisions::MOST_WITNESSES > WITNESSES {
+                break;
+            }
+            workspace.witnesses(collisions, pair, witnesses);
+        }
         let rate = settings.rate.min(dt.recip());
-        for pair in nearest.iter().take(settings.pairs) {
-            collisions.distance_jacobian(state.model, state.kinematics, pair, row);
-            let left = (pair.distance - settings.distance).max(0.0);
-            rows.push(row.iter().copied(), -rate * left, f64::INFINITY);
+        for points in nearest.iter().chain(&*witnesses) {
+            collisions.distance_jacobian(state.model, state.kinematics, points, row);
+            let left = points.distance - settings.distance;
+            rows.push_barrier(row.iter().copied(), left, rate, settings.recovery);
         }
     }
+
     fn smallest_distance(&self) -> Option<f64> {
         self.nearest.first().map(|pair| pair.distance)
     }

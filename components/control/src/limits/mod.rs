@@ -1,5 +1,6 @@
 //! Limits of the commanded motion: bounds on the joint velocities ([`Limit`]) or on combinations of them ([`RowLimit`]).
 
+mod acceleration;
 mod cartesian_position;
 mod cartesian_velocity;
 mod centre_of_mass_velocity;
@@ -9,6 +10,7 @@ mod rows;
 mod support;
 mod velocity;
 
+pub use acceleration::AccelerationLimit;
 pub use cartesian_position::CartesianPositionLimit;
 pub use cartesian_velocity::CartesianVelocityLimit;
 pub use centre_of_mass_velocity::CentreOfMassVelocityLimit;

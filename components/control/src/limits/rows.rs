@@ -4,7 +4,8 @@ use nalgebra::Isometry3;
 
 use crate::{RobotState, solver::Problem};
 
-/// Bounds on combinations of the velocities, `lower <= G v <= upper`, that always admit `v = 0`.
+/// Bounds on combinations of the velocities, `lower <= G v <= upper`. They admit `v = 0`, but where something beyond its limit is to
+/// [come back](LimitRows::push_barrier).
 pub trait RowLimit {
     /// Number of rows of `G`, the most that it ever has.
     fn rows(&self) -> usize;
@@ -40,12 +41,47 @@ impl<'a> LimitRows<'a> {
     /// # Panics
     /// If the limit has no more rows.
     pub fn push(&mut self, row: impl IntoIterator<Item = f64>, lower: f64, upper: f64) {
+        self.write(row, lower.min(0.0), upper.max(0.0));
+    }
+
+    /// Appends a control barrier: `row` is the slope of what is left of a way, now `left` \[m\], of which a share of `rate` may be covered
+    /// per second.
+    ///
+    /// ```text
+    /// row v >= -rate left                              if left >= 0
+    /// row v >=  min(-rate left, recovery)              else: it comes back, no faster than `recovery` [m/s]
+    /// ```
+    ///
+    /// A step along the tangent of a curved way leaves it by its square, and the limit of the next step begins where it ended: without
+    /// the way back such steps add up. Where no velocity fulfils all limits, what is beyond its limit stays where it is.
+    ///
+    /// # Panics
+    /// If the limit has no more rows.
+    pub fn push_barrier(&mut self, row: impl IntoIterator<Item = f64>, left: f64, rate: f64, recovery: f64) {
+        self.write(row, (-rate * left).min(recovery), f64::INFINITY);
+    }
+
+    /// The same for a `row` along which the way shrinks: `row v <= max(rate left, -recovery)`.
+    ///
+    /// # Panics
+    /// If the limit has no more rows.
+    pub fn push_upper_barrier(
+        &mut self,
+        row: impl IntoIterator<Item = f64>,
+        left: f64,
+        rate: f64,
+        recovery: f64,
+    ) {
+        self.write(row, f64::NEG_INFINITY, (rate * left).max(-recovery));
+    }
+
+    fn write(&mut self, row: impl IntoIterator<Item = f64>, lower: f64, upper: f64) {
         assert!(self.next < self.end, "a limit writes more rows than it has");
         for (entry, value) in self.problem.row_matrix.row_mut(self.next).iter_mut().zip(row) {
             *entry = value;
         }
-        self.problem.row_lower[self.next] = lower.min(0.0);
-        self.problem.row_upper[self.next] = upper.max(0.0);
+        self.problem.row_lower[self.next] = lower;
+        self.problem.row_upper[self.next] = upper;
         self.next += 1;
     }
 }

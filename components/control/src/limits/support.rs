@@ -1,6 +1,6 @@
 //! The centre of mass, or the capture point, stays above the support.
 
-use motorium_robots::Model;
+use motorium_robots::{Model, convex_corners};
 use nalgebra::{Matrix3xX, Vector2};
 
 use super::{LimitRows, RowLimit};
@@ -85,27 +85,8 @@ impl SupportLimit {
         assert!(points.len() <= self.most, "{} points of a support of {}", points.len(), self.most);
         self.points.clear();
         self.points.extend_from_slice(points);
-        self.points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-        // the lower chain, then the upper one (Andrew, 1979)
         let corners = &mut self.corners;
-        corners.clear();
-        let grow = |point: Vector2<f64>, first: usize, corners: &mut Vec<Vector2<f64>>| {
-            while let [.., a, b] = corners[first..] {
-                if (b - a).perp(&(point - a)) > 0.0 {
-                    break;
-                }
-                corners.pop();
-            }
-            corners.push(point);
-        };
-        for point in &self.points {
-            grow(*point, 0, corners);
-        }
-        let first = corners.len().saturating_sub(1);
-        for point in self.points.iter().rev().skip(1) {
-            grow(*point, first, corners);
-        }
-        corners.pop();
+        convex_corners(&mut self.points, |point| *point, corners);
         self.edges.clear();
         if corners.len() < 3 {
             return;

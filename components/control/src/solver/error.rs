@@ -139,6 +139,15 @@ pub enum SolveError {
         /// The variable with the largest share in that direction.
         variable: usize,
     },
+    /// The cost is no convex one: along some direction it curves downwards, and its minimum is no question for this solver.
+    #[error(
+        "not convex: P is not positive semi-definite, as its leading {} x {} block shows; check the signs of its numbers",
+        .variable + 1, .variable + 1
+    )]
+    NotConvex {
+        /// The variable at whose row the factorisation ends.
+        variable: usize,
+    },
     /// The iteration limit came first.
     #[error("no solution within {iterations} iterations; scale the problem or allow more")]
     MaxIterations {

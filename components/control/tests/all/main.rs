@@ -1,9 +1,11 @@
 //! Tests of the control crate: tasks, solver, inverse kinematics, and `control.qp` in a graph.
 
+mod accelerations;
 mod admittance;
 mod allocations;
 mod axes;
 mod component;
+mod conflicts;
 mod diagnostics;
 mod fades;
 mod feed_forward;

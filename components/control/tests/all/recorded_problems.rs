@@ -109,4 +109,56 @@ fn a_recorded_problem_of_a_wrong_size_is_refused_by_name() {
     assert_eq!(read(r#"{ "P": [[1]], "q": [0], "lb": [0, 1] }"#), "problem 0: `lb` is 2 numbers, expected 1");
     assert_eq!(read("[]"), "it holds no problem");
     assert!(read(r#"{ "P": [[1]], "q": [0], "H": [] }"#).contains("unknown field `H`"));
+    let ragged = r#"{ "P": [[1, 0], [0]], "q": [0, 0] }"#;
+    assert_eq!(read(ragged), "problem 0: `P` is a matrix with 1 numbers in row 1, expected 2 x 2");
+    assert!(read("3").contains("expected an object with P and q"), "{}", read("3"));
+}
+
+#[test]
+fn what_is_not_a_number_is_refused_by_its_place_and_a_matrix_of_two_minds_by_its_entries() {
+    let read = |text: &str| recorded::read(text).unwrap_err().to_string();
+    for word in ["NaN", "Infinity", "-Infinity", "nan", "inf", "-inf"] {
+        let message = read(&format!("{{ \"P\": [[1]],\n \"q\": [{word}] }}"));
+        assert!(message.starts_with(&format!("`{word}` at line 2 column 8, expected a number")), "{message}");
+    }
+    let message = read(r#"{ "P": [[1, 0.5], [0.1, 1]], "q": [0, 0] }"#);
+    assert!(message.contains("0.5 in row 0, column 1 and 0.1 on the other side"), "{message}");
+    for same in ["[[1, 0.5], [0.5, 1]]", "[[1, 0.5], [0, 1]]"] {
+        let (_, problems) = recorded::read(&format!("{{ \"P\": {same}, \"q\": [0, 0] }}")).unwrap();
+        assert_eq!(problems[0].hessian[(0, 1)], 0.5);
+    }
+}
+
+#[test]
+fn a_cost_that_curves_downwards_is_refused_and_one_that_is_flat_or_does_so_by_rounding_is_not() {
+    let solve = |text: &str, warm_start: bool| {
+        let (structure, problems) = recorded::read(text).unwrap();
+        let settings = ActiveSetSettings { warm_start, ..ActiveSetSettings::default() };
+        let mut solver = ActiveSetSolver::new(structure.clone(), settings);
+        let ours = recorded::replay(&structure, &problems, &mut solver, 1).each.unwrap()[0].clone();
+        let mut reference = ClarabelSolver::new(structure.clone(), ClarabelSettings::default());
+        let theirs = recorded::replay(&structure, &problems, &mut reference, 1).each.unwrap()[0].clone();
+        [ours, theirs]
+    };
+    let bounded = |hessian: &str| {
+        format!("{{ \"P\": {hessian}, \"q\": [0.5, 0.0], \"lb\": [-1, -1], \"ub\": [1, 1] }}")
+    };
+    // negative, of both signs, hidden off the diagonal, small beside the rest
+    for hessian in [
+        "[[-1, 0], [0, -1]]",
+        "[[1, 0], [0, -1]]",
+        "[[1, 2], [2, 1]]",
+        "[[0, 1], [1, 0]]",
+        "[[1, 0], [0, -1e-6]]",
+    ] {
+        for each in [true, false].into_iter().flat_map(|warm| solve(&bounded(hessian), warm)) {
+            assert_eq!(each.status, recorded::Status::NotConvex, "{hessian}: {each:?}");
+            assert!(each.error.unwrap().contains("not positive semi-definite") && each.x.is_empty());
+        }
+    }
+    for hessian in ["[[1, 0], [0, 0]]", "[[0, 0], [0, 0]]", "[[1, 1], [1, 1]]", "[[1, 0], [0, -1e-13]]"] {
+        for each in solve(&bounded(hessian), true) {
+            assert_eq!(each.status, recorded::Status::Solved, "{hessian}: {each:?}");
+        }
+    }
 }

@@ -40,6 +40,11 @@ fn reaching(config: &str) -> Graph {
 
 /// Distance of the robot, as it ended, from a ball at its place, m.
 fn distance(report: &Report) -> f64 {
+    distance_from(Geometry::Sphere { radius: RADIUS }, report)
+}
+
+/// The same from another shape there.
+fn distance_from(shape: Geometry, report: &Report) -> f64 {
     let panda = load("panda", Path::new(".")).unwrap().model;
     let q: Vec<f64> = (0..8).map(|joint| number(&report.results["plant"]["q"][joint])).collect();
     let mut kinematics = Kinematics::new(&panda);
@@ -47,7 +52,7 @@ fn distance(report: &Report) -> f64 {
     let options = CollisionOptions { self_collision: false, ..CollisionOptions::default() };
     let mut solids = CollisionModel::new(&panda, &options).unwrap();
     let at = Isometry3::from(middle());
-    solids.add_obstacle("ball", at, Geometry::Sphere { radius: RADIUS }, MeshMode::default()).unwrap();
+    solids.add_obstacle("ball", at, shape, MeshMode::default()).unwrap();
     let mut workspace = Collisions::new(&solids);
     workspace.update(&solids, &kinematics);
     workspace.nearest(&solids).unwrap().distance
@@ -235,12 +240,13 @@ fn an_object_of_a_mesh_beside_the_graph_is_kept_away_from_as_one_of_the_same_sha
              limits = {{ collision = {{ distance = 0.03, objects = \"all\" }} }} }}"
         );
         let (graph, _folder) = beside(reaching(&config), "crate.obj", &cube);
-        distance(&checked(run(graph)))
+        distance_from(Geometry::Box { size: Vector3::repeat(2.0 * RADIUS) }, &checked(run(graph)))
     };
     let side = 2.0 * RADIUS;
     let (mesh, solid) = (
         kept("{ mesh = { file = \"crate.obj\" } }"),
         kept(&format!("{{ box = {{ size = [{side}, {side}, {side}] }} }}")),
     );
-    assert!(mesh > 0.0 && (mesh - solid).abs() < 2e-3, "{mesh} {solid}");
+    // the drives of the plant follow within half a millimetre
+    assert!(mesh > 0.0295 && solid > 0.0295 && (mesh - solid).abs() < 1e-3, "{mesh} {solid}");
 }

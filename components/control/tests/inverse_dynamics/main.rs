@@ -5,6 +5,7 @@ mod axes;
 mod barriers;
 mod closed_loop;
 mod constraints;
+mod distances;
 mod first_order;
 mod friction;
 mod impedance;

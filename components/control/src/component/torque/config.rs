@@ -83,9 +83,11 @@ impl Default for InverseDynamicsConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum InfeasiblePolicy {
-    /// Contacts at rest and limits of the joints give way; by how much is in the result. Torque limits and friction never do.
+    /// Contacts at rest, limits of the joints and tasks that are constraints give way; by how much is in the result. Torque limits and
+    /// friction never do. Without `inverse_dynamics` the tasks alone give way.
     Relax,
-    /// The joints are held where they are by their gains, with the torques of the last step that had a solution.
+    /// The joints are held where they are by their gains, with the torques of the last step that had a solution; without
+    /// `inverse_dynamics` the setpoint stands still.
     Hold,
     /// Nothing is commanded: the drives go to their safe state.
     SafeStop,

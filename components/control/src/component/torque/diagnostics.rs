@@ -1,11 +1,10 @@
 //! Figures of a run of inverse dynamics.
 
-use motorium_robots::Model;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use crate::component::tasks::Held;
-use crate::inverse_dynamics::{Conflicting, ConstraintName, InverseDynamics};
+use crate::inverse_dynamics::{Conflicting, ConstraintName, Contact, InverseDynamics};
 
 /// Sum and maximum of a figure of each step.
 #[derive(Clone, Copy, Debug, Default)]
@@ -132,8 +131,8 @@ impl Diagnostics {
         &self,
         result: &mut Value,
         control: &InverseDynamics,
-        model: &Model,
         tasks: &[Held],
+        describe: impl Fn(&Conflicting, &[Contact]) -> String,
     ) {
         for (held, figure) in tasks.iter().zip(&self.residuals) {
             result["tasks"][&held.name]["residual"] = figure.json();
@@ -153,7 +152,7 @@ impl Diagnostics {
                 "limit": self.slack_limit,
                 "task": self.slack_task,
             },
-            "first_conflict": self.conflict.map(|conflict| conflict.describe(model, &contacts)),
+            "first_conflict": self.conflict.map(|conflict| describe(&conflict, &contacts)),
         });
         if let Some((start, last)) = self.centre {
             let array = |v: Vector3<f64>| [v.x, v.y, v.z];

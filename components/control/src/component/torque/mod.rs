@@ -13,6 +13,7 @@ use motorium::state::ControlDiagnostics;
 use motorium_robots::Gains;
 
 use super::config::QpControllerConfig;
+use super::conflicts::ConstraintRows;
 use super::diagnostics_output::{DiagnosticsOutput, push_name};
 use super::measured::{Freshness, MeasuredState};
 use super::objects::MovingObjects;
@@ -37,6 +38,7 @@ pub(super) struct TorqueController {
     control: InverseDynamics,
     contacts: ContactSwitches,
     limits: RowLimits,
+    rows: ConstraintRows,
     objects: MovingObjects,
     /// The integrated accelerations.
     reference: JointSetpoint,
@@ -113,12 +115,13 @@ impl TorqueController {
             joint_command: setup.output("joint_command")?,
             output: DiagnosticsOutput::configure(setup)?,
             diagnostics: Diagnostics::new(tasks.len()),
-            tasks,
             fades,
             joints: control.settings().joints,
             control,
             contacts: switches,
+            rows: ConstraintRows::new(&mut tasks, &limits),
             limits,
+            tasks,
             objects,
             reference: JointSetpoint::of_joints(&model),
             reference_velocity: vec![0.0; model.joint_count()],
@@ -270,7 +273,9 @@ impl TorqueController {
         let mut result = results(&self.tasks);
         self.limits.add_to(&mut result);
         self.contacts.add_to(&mut result);
-        self.diagnostics.add_to(&mut result, &self.control, &self.measured.model, &self.tasks);
+        self.diagnostics.add_to(&mut result, &self.control, &self.tasks, |conflict, contacts| {
+            self.rows.describe_torques(conflict, &self.measured.model, contacts)
+        });
         result
     }
 }

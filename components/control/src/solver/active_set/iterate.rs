@@ -11,6 +11,8 @@ use crate::solver::{Accuracy, Problem, Solution, SolveError};
 
 /// Smallest share of a diagonal entry that is left of it in the factorisation of a positive definite Hessian.
 const SINGULAR: f64 = 1e-12;
+/// Share of the largest diagonal entry by which a Hessian may curve downwards, from rounding.
+const ROUNDING: f64 = 1e-9;
 /// Wrong signs of multipliers up to this share of the largest are rounding.
 const SIGN: f64 = 1e-13;
 /// Wrong signs up to this share of the largest number may be rounding where a constraint joins and leaves by turns.
@@ -50,8 +52,8 @@ impl Run<'_> {
         let mut factorize = true;
         let mut round = 0;
         loop {
-            if factorize && !self.factorize::<F>() {
-                self.shift();
+            if factorize && let Some(variable) = self.factorize::<F>() {
+                self.shift_singular::<F>(variable)?;
                 continue;
             }
             for (i, q) in self.problem.gradient.iter().enumerate() {
@@ -80,9 +82,9 @@ impl Run<'_> {
         }
     }
 
-    /// Factorises the Hessian with the shift; false if it is singular.
+    /// Factorises the Hessian with the shift; the variable at which it is singular.
     #[inline(always)]
-    fn factorize<F: Arithmetic>(&mut self) -> bool {
+    fn factorize<F: Arithmetic>(&mut self) -> Option<usize> {
         let n = self.problem.gradient.len();
         let hessian = self.problem.hessian.as_slice();
         let lower = &mut self.work.hessian;
@@ -92,7 +94,26 @@ impl Run<'_> {
             row[i..].fill(0.0);
             lower.set_diagonal(i, column[i] + self.work.shift);
         }
-        lower.factorize::<F>(n, SINGULAR) == n
+        Some(lower.factorize::<F>(n, SINGULAR)).filter(|rows| *rows < n)
+    }
+
+    /// Shifts a singular Hessian.
+    ///
+    /// # Errors
+    /// It curves downwards, by more than rounding: with [`ROUNDING`] of its largest entry on its diagonal it is no factor's square.
+    #[inline(never)]
+    fn shift_singular<F: Arithmetic>(&mut self, variable: usize) -> Result<(), SolveError> {
+        let before = self.work.shift;
+        if before == 0.0 {
+            let largest = self.largest_curvature();
+            self.work.shift = ROUNDING * if largest > 0.0 { largest } else { 1.0 };
+            if let Some(variable) = self.factorize::<F>() {
+                return Err(SolveError::NotConvex { variable });
+            }
+        }
+        self.shift();
+        // the same once more: no round would change it
+        if self.work.shift <= before { Err(SolveError::NotConvex { variable }) } else { Ok(()) }
     }
 
     /// `g = L^-1 q`, and the working set of the solve before, or the equalities alone.

@@ -83,7 +83,7 @@ impl Run<'_> {
         Ok(Next::Solve { factorize })
     }
 
-    fn largest_curvature(&self) -> f64 {
+    pub(super) fn largest_curvature(&self) -> f64 {
         let hessian = &self.problem.hessian;
         (0..hessian.nrows()).fold(0.0_f64, |largest, i| largest.max(hessian[(i, i)].abs()))
     }

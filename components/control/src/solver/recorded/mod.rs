@@ -9,7 +9,7 @@
 //!   "lb": [...], "ub": [...] }                          lb <= x <= ub
 //! ```
 //!
-//! Matrices are lists of rows. What is left out is empty, or unbounded; numbers of 1e20 and more stand for infinity.
+//! Matrices are lists of rows; `P` is symmetric, or has its upper triangle alone. What is left out is empty, or unbounded; numbers of 1e20 and more stand for infinity.
 
 mod replay;
 
@@ -26,9 +26,38 @@ pub enum RecordedError {
     /// It is no JSON of the expected form.
     #[error("expected one problem or a list of them, each with P and q: {0}")]
     Syntax(#[from] serde_json::Error),
+    /// A word that is no number of JSON.
+    #[error(
+        "`{word}` at line {line} column {column}, expected a number: no solver can use what is not one, and 1e20 and more stand for infinity"
+    )]
+    NoNumber {
+        /// The word.
+        word: &'static str,
+        /// Its line, from 1.
+        line: usize,
+        /// Its column, from 1.
+        column: usize,
+    },
     /// The list is empty.
     #[error("it holds no problem")]
     Empty,
+    /// A matrix that is not the same on both sides of its diagonal.
+    #[error(
+        "problem {problem}: `P` has {upper} in row {row}, column {column} and {lower} on the other side of the diagonal, expected a \
+         symmetric matrix, or zeros below the diagonal; rows and columns count from 0"
+    )]
+    Asymmetric {
+        /// Number of the problem, from 0.
+        problem: usize,
+        /// Row above the diagonal.
+        row: usize,
+        /// Its column.
+        column: usize,
+        /// The number there.
+        upper: f64,
+        /// The number on the other side.
+        lower: f64,
+    },
     /// A matrix or vector has another size than the others ask for.
     #[error("problem {problem}: `{key}` is {found}, expected {expected}")]
     Size {
@@ -44,7 +73,7 @@ pub enum RecordedError {
 }
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "an object with P and q")]
 struct Numbers {
     #[serde(rename = "P")]
     p: Vec<Vec<f64>>,
@@ -75,11 +104,11 @@ struct Numbers {
 /// # Errors
 /// [`RecordedError`] names the problem and the key.
 pub fn read(text: &str) -> Result<(Structure, Vec<Problem>), RecordedError> {
-    let all: Vec<Numbers> = if text.trim_start().starts_with('[') {
-        serde_json::from_str(text)?
-    } else {
-        vec![serde_json::from_str(text)?]
+    let all: Result<Vec<Numbers>, _> = match text.trim_start().starts_with('[') {
+        true => serde_json::from_str(text),
+        false => serde_json::from_str(text).map(|numbers| vec![numbers]),
     };
+    let all = all.map_err(|error| no_number(text, &error).unwrap_or(RecordedError::Syntax(error)))?;
     let first = all.first().ok_or(RecordedError::Empty)?;
     let sizes = (first.q.len(), first.b.len(), first.g.len());
     let problems: Vec<Problem> = all
@@ -101,8 +130,8 @@ impl Numbers {
             Err(RecordedError::Size { problem, key, found, expected })
         };
         let matrix = |key, rows: Vec<Vec<f64>>, expected: usize| {
-            let found = match rows.iter().find(|row| row.len() != n) {
-                Some(row) => format!("a matrix with a row of {}", row.len()),
+            let found = match rows.iter().enumerate().find(|(_, row)| row.len() != n) {
+                Some((index, row)) => format!("a matrix with {} numbers in row {index}", row.len()),
                 None if rows.len() != expected => format!("{} x {n}", rows.len()),
                 None => return Ok(DMatrix::from_row_iterator(expected, n, rows.into_iter().flatten())),
             };
@@ -112,7 +141,7 @@ impl Numbers {
             vector(key, numbers.unwrap_or_else(|| vec![infinite; count]), count)
         };
         Ok(Problem {
-            hessian: matrix("P", self.p, n)?,
+            hessian: symmetric(problem, matrix("P", self.p, n)?)?,
             gradient: vector("q", self.q, n)?,
             equality_matrix: matrix("A", self.a, m)?,
             equality_value: vector("b", self.b, m)?,
@@ -122,6 +151,39 @@ impl Numbers {
             lower: side("lb", self.lb, n, f64::NEG_INFINITY)?,
             upper: side("ub", self.ub, n, f64::INFINITY)?,
         })
+    }
+}
+
+/// The words that other writers put where JSON has no number.
+const NO_NUMBERS: [&str; 6] = ["NaN", "nan", "Infinity", "-Infinity", "inf", "-inf"];
+
+/// What is not a number, where `error` is about it.
+fn no_number(text: &str, error: &serde_json::Error) -> Option<RecordedError> {
+    let (line, column) = (error.line(), error.column());
+    let before = text.lines().nth(line.checked_sub(1)?)?;
+    // the place of the error may be the first or the second character of the word
+    (column.saturating_sub(2)..=column.saturating_sub(1)).find_map(|start| {
+        let rest = before.get(start..)?;
+        let word = *NO_NUMBERS.iter().find(|word| rest.starts_with(**word))?;
+        Some(RecordedError::NoNumber { word, line, column: start + 1 })
+    })
+}
+
+/// The matrix, if both sides of its diagonal agree, within rounding, or the lower one is empty.
+fn symmetric(problem: usize, matrix: DMatrix<f64>) -> Result<DMatrix<f64>, RecordedError> {
+    let rounding = 1e-9 * matrix.amax();
+    let above = || (0..matrix.ncols()).flat_map(|column| (0..column).map(move |row| (row, column)));
+    let differ =
+        |(row, column): &(usize, usize)| (matrix[(*row, *column)] - matrix[(*column, *row)]).abs() > rounding;
+    if above().all(|(row, column)| matrix[(column, row)] == 0.0) {
+        return Ok(matrix);
+    }
+    match above().find(differ) {
+        None => Ok(matrix),
+        Some((row, column)) => {
+            let (upper, lower) = (matrix[(row, column)], matrix[(column, row)]);
+            Err(RecordedError::Asymmetric { problem, row, column, upper, lower })
+        }
     }
 }
 

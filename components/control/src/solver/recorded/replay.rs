@@ -20,6 +20,8 @@ pub enum Status {
     Infeasible,
     /// The cost falls for ever.
     Unbounded,
+    /// The Hessian is not positive semi-definite.
+    NotConvex,
     /// The iteration limit came first.
     MaxIterations,
     /// The arithmetic broke down.
@@ -110,6 +112,13 @@ pub fn replay(
                 continue;
             }
             each.push(match outcome {
+                // an interior-point method may end at a saddle point and not know it
+                Ok(_) | Err((Status::Numerical | Status::MaxIterations | Status::Unbounded, _))
+                    if !is_convex(problem) =>
+                {
+                    let error = "not convex: P is not positive semi-definite; check the signs of its numbers";
+                    Each { status: Status::NotConvex, x: Vec::new(), error: Some(error.to_owned()) }
+                }
                 Ok(solution) => {
                     iterations.push(f64::from(solution.iterations));
                     worst_violation = worst_violation.max(KktResidual::of(problem, solution).feasibility);
@@ -133,10 +142,22 @@ pub fn replay(
     }
 }
 
+/// True if the Hessian curves nowhere downwards, but by rounding.
+fn is_convex(problem: &Problem) -> bool {
+    let mut hessian = problem.hessian.clone();
+    hessian.fill_lower_triangle_with_upper_triangle();
+    let largest = hessian.amax();
+    if largest == 0.0 || hessian.is_empty() {
+        return true;
+    }
+    (hessian / largest).symmetric_eigenvalues().min() >= -1e-9
+}
+
 fn status(error: &SolveError) -> Status {
     match error {
         SolveError::Infeasible { .. } => Status::Infeasible,
         SolveError::Unbounded { .. } => Status::Unbounded,
+        SolveError::NotConvex { .. } => Status::NotConvex,
         SolveError::MaxIterations { .. } => Status::MaxIterations,
         SolveError::Numerical { .. } | SolveError::NotUpdated => Status::Numerical,
     }

@@ -1,0 +1,59 @@
+//! Figures of a run of inverse kinematics.
+
+use motorium_robots::Model;
+use serde_json::{Value, json};
+
+use super::conflicts::ConstraintRows;
+use crate::{DifferentialIk, IkConflict};
+
+/// Figures of the steps so far.
+pub(super) struct VelocityFigures {
+    /// Names of the constraints.
+    names: ConstraintRows,
+    first_conflict: Option<IkConflict>,
+    /// Largest amount by which a task that holds exactly was missed, m/s or rad/s.
+    slack: f64,
+    relaxed: u64,
+    hurried: u64,
+    unsolved: u64,
+    pub(super) stale: u64,
+}
+
+impl VelocityFigures {
+    pub(super) fn new(names: ConstraintRows) -> Self {
+        Self { names, first_conflict: None, slack: 0.0, relaxed: 0, hurried: 0, unsolved: 0, stale: 0 }
+    }
+
+    pub(super) fn reset(&mut self) {
+        (self.first_conflict, self.slack) = (None, 0.0);
+        (self.relaxed, self.hurried, self.unsolved, self.stale) = (0, 0, 0, 0);
+    }
+
+    /// Takes note of constraints that contradicted each other, after each solution.
+    pub(super) fn observe(&mut self, ik: &DifferentialIk) {
+        if let Some(conflict) = ik.conflict() {
+            self.slack = self.slack.max(conflict.slack);
+            self.first_conflict.get_or_insert(*conflict);
+        }
+    }
+
+    /// Counts a step.
+    pub(super) fn count(&mut self, solved: bool, ik: &DifferentialIk) {
+        self.unsolved += u64::from(!solved);
+        self.relaxed += u64::from(solved && ik.conflict().is_some());
+        self.hurried += u64::from(solved && ik.is_hurried());
+    }
+
+    /// Their entries in the result of a run.
+    pub(super) fn add_to(&self, result: &mut Value, model: &Model) {
+        let words = |conflict: &IkConflict| self.names.describe_velocities(conflict, model);
+        result["solver"] = json!({
+            "steps_relaxed": self.relaxed,
+            "steps_beyond_acceleration": self.hurried,
+            "largest_slack": { "task": self.slack },
+            "first_conflict": self.first_conflict.as_ref().map(words),
+        });
+        result["steps_without_solution"] = self.unsolved.into();
+        result["steps_without_fresh_state"] = self.stale.into();
+    }
+}

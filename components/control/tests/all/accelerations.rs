@@ -1,0 +1,159 @@
+//! Joints that accelerate and brake no faster than they can, by velocities.
+
+use motorium_control::{
+    DifferentialIk, JointSetpoint, RobotState,
+    limits::{AccelerationLimit, CollisionLimit, CollisionSettings, PositionLimit, RowLimit, VelocityLimit},
+    tasks::{PostureSettings, PostureTask},
+};
+use motorium_robots::{CollisionModel, CollisionOptions, Kinematics};
+use nalgebra::{DVector, Isometry3};
+
+use crate::component::number;
+use crate::graph::{Targets, controller, graph, run};
+use crate::robot::{Panda, Random};
+
+const DT: f64 = 1e-3;
+
+/// Moves the Panda towards postures for 1.5 s each; calls `check` with the velocities of the tick before and of this one.
+fn move_to(
+    panda: &Panda,
+    postures: &[Vec<f64>],
+    limit: &AccelerationLimit,
+    solids: Option<&CollisionModel>,
+    mut check: impl FnMut(&[f64], &[f64], &[f64], bool),
+) {
+    let model = &panda.model;
+    let mut apart = solids.map(|solids| {
+        CollisionLimit::new(model, solids.clone(), CollisionSettings { distance: 0.03, ..Default::default() })
+    });
+    let mut ik = DifferentialIk::with_rows(model, apart.as_ref().map_or(0, RowLimit::rows));
+    let mut setpoint = JointSetpoint::new(model, panda.home.as_slice());
+    let mut kinematics = Kinematics::new(model);
+    for posture in postures {
+        let firm = PostureSettings { gain: 30.0, weight: 1.0 };
+        let mut task = PostureTask::new(model, posture).with(firm);
+        for _ in 0..1500 {
+            kinematics.update(model, setpoint.position());
+            let state = RobotState { model, kinematics: &kinematics, q: setpoint.position() };
+            ik.begin();
+            ik.add_task(&state, 0, &mut task);
+            ik.add_limit(&state, &PositionLimit::default(), DT);
+            ik.add_limit(&state, &VelocityLimit::default(), DT);
+            ik.add_acceleration_limit(&state, limit, setpoint.velocity(), DT);
+            if let Some(apart) = &mut apart {
+                ik.add_row_limit(&state, apart, DT);
+            }
+            let before = setpoint.velocity().to_vec();
+            let v = ik.solve().unwrap().to_vec();
+            setpoint.integrate(&v, DT);
+            check(&before, &v, setpoint.position(), ik.is_hurried());
+        }
+    }
+}
+
+#[test]
+fn no_joint_accelerates_or_brakes_faster_than_it_can_not_even_at_its_limits() {
+    let panda = Panda::new();
+    let (model, mut random) = (&panda.model, Random(5));
+    for most in [2.0, 15.0] {
+        let limit = AccelerationLimit::new(model, DVector::repeat(8, most), PositionLimit::default());
+        // far beyond the limits of the joints, and back
+        let postures: Vec<Vec<f64>> = (0..8).map(|_| (0..8).map(|_| random.within(6.0)).collect()).collect();
+        let (mut largest, mut fastest, mut nearest) = (0.0_f64, 0.0_f64, f64::INFINITY);
+        move_to(&panda, &postures, &limit, None, |before, v, q, hurried| {
+            assert!(!hurried);
+            for joint in 0..8 {
+                largest = largest.max((v[joint] - before[joint]).abs() / DT);
+                fastest = fastest.max(v[joint].abs() / model.velocity_limit()[joint]);
+                let (lower, upper) = (model.lower()[joint], model.upper()[joint]);
+                nearest = nearest.min((q[joint] - lower).min(upper - q[joint]));
+            }
+        });
+        assert!(largest <= most * (1.0 + 1e-3), "{largest} of {most} rad/s2");
+        assert!(largest > 0.99 * most, "it is used: {largest} of {most} rad/s2");
+        assert!((-1e-12..1e-3).contains(&nearest), "limits are reached and kept: {nearest} rad");
+        assert!(fastest <= 1.0 + 1e-12, "{fastest}");
+    }
+}
+
+#[test]
+fn a_joint_without_a_largest_acceleration_is_as_fast_as_before() {
+    let panda = Panda::new();
+    let posture: Vec<f64> = panda.home.iter().map(|q| q + 0.2).collect();
+    let mut most = DVector::repeat(8, 1.0);
+    most[3] = f64::INFINITY;
+    let limit = AccelerationLimit::new(&panda.model, most, PositionLimit::default());
+    let mut first = None;
+    move_to(&panda, &[posture], &limit, None, |_, v, _, _| _ = first.get_or_insert_with(|| v.to_vec()));
+    let first = first.unwrap();
+    assert!(first[3] > 2.0 && (first[0] - 1e-3).abs() < 1e-9, "{first:?}");
+}
+
+#[test]
+fn where_a_distance_asks_for_more_it_is_kept_and_the_acceleration_is_given_up() {
+    let panda = Panda::new();
+    let options = CollisionOptions { self_collision: false, ..CollisionOptions::default() };
+    let mut solids = CollisionModel::new(&panda.model, &options).unwrap();
+    // below the hand, and not below the links that it stands on
+    solids.add_half_space("ground", Isometry3::translation(0.0, 0.0, 0.3));
+    let pairs: Vec<bool> = (0..solids.pairs().len())
+        .map(|pair| {
+            solids.pair_links(pair).iter().any(|link| link.contains("hand") || link.contains("finger"))
+        })
+        .collect();
+    let mut index = 0;
+    solids.retain_pairs(|_| {
+        index += 1;
+        pairs[index - 1]
+    });
+    let mut down = panda.home.clone();
+    down[1] += 1.0;
+    let limit = AccelerationLimit::new(&panda.model, DVector::repeat(8, 1.0), PositionLimit::default());
+    let mut kinematics = Kinematics::new(&panda.model);
+    let mut measure = motorium_robots::Collisions::new(&solids);
+    let (mut smallest, mut given_up, mut steps) = (f64::INFINITY, 0, 0);
+    move_to(&panda, &[down.as_slice().to_vec()], &limit, Some(&solids), |_, _, q, hurried| {
+        kinematics.update(&panda.model, q);
+        measure.update(&solids, &kinematics);
+        smallest = smallest.min(measure.nearest(&solids).unwrap().distance);
+        given_up += usize::from(hurried);
+        steps += 1;
+    });
+    assert!(smallest > 0.03 - 1e-4 && smallest < 0.04, "{smallest}");
+    assert!(given_up < steps / 2, "{given_up} of {steps}");
+}
+
+#[test]
+fn a_controller_takes_the_accelerations_of_the_profile_and_its_goals_are_reached() {
+    let with = |limits: &str| run(graph("{}", Targets::default(), controller(&format!("{{ {limits} }}"))));
+    let (free, limited) = (with(""), with("limits = { acceleration = {} }"));
+    assert_ne!(free.state_hash, with("limits = { acceleration = { most = 0.5 } }").state_hash);
+    let result = &limited.results["controller"];
+    assert_eq!(result["solver"]["steps_beyond_acceleration"], 0, "{result}");
+    assert!(number(&result["position_error_m"]) < 1e-4, "{result}");
+    let component = limited.components.iter().find(|component| component.name == "controller").unwrap();
+    assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
+}
+
+#[test]
+fn accelerations_that_no_joint_has_are_refused() {
+    let refused = |config: &str, words: &[&str]| {
+        let error =
+            graph("{}", Targets::default(), controller(config)).check().expect_err("it must be refused");
+        let error = error.render(false);
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    };
+    refused(
+        "{ limits = { acceleration = { most = 0.0 } } }",
+        &["limits.acceleration.most", "at least 0.000001"],
+    );
+    refused(
+        "{ limits = { acceleration = { most = [1.0, 2.0] } } }",
+        &["limits.acceleration.most", "panda_joint1"],
+    );
+    refused("{ limits = { acceleration = { fraction = 2.0 } } }", &["limits.acceleration.fraction"]);
+    refused(
+        "{ inverse_dynamics = {}, limits = { acceleration = {} } }",
+        &["limits.acceleration", "inverse_dynamics.max_acceleration"],
+    );
+}

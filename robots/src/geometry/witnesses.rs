@@ -1,0 +1,267 @@
+//! The points of two solids that take turns at being the nearest, as the solids turn.
+
+use std::f64::consts::FRAC_1_SQRT_2;
+
+use nalgebra::{Point3, Vector2, Vector3};
+
+use super::distance::{Collisions, Proximity};
+use super::pairs::CollisionModel;
+use super::polygon::{clip, convex_corners};
+use super::solid::Solid;
+use super::support::{Core, Placed};
+use crate::algebra::{M3, V3};
+
+/// Angle of a turn after which another point may be the nearest \[rad\].
+const TILT: f64 = 0.05;
+/// Directions of turns.
+const TURNS: [(f64, f64); 8] = [
+    (1.0, 0.0),
+    (FRAC_1_SQRT_2, FRAC_1_SQRT_2),
+    (0.0, 1.0),
+    (-FRAC_1_SQRT_2, FRAC_1_SQRT_2),
+    (-1.0, 0.0),
+    (-FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
+    (0.0, -1.0),
+    (FRAC_1_SQRT_2, -FRAC_1_SQRT_2),
+];
+/// Areas \[m2\] that are rounding, and lengths \[m\] within which points are the same.
+const NO_AREA: f64 = 1e-13;
+const SAME: f64 = 1e-6;
+
+/// A point of a solid, and its place square to the normal of a pair, from the nearest point \[m\].
+#[derive(Clone, Copy, Debug)]
+struct Seen {
+    place: Vector2<f64>,
+    point: V3,
+}
+
+/// Room for the witnesses of a pair.
+#[derive(Debug)]
+pub(super) struct WitnessRoom {
+    points: Vec<Seen>,
+    /// Corners of the part of each solid that is near.
+    corners: [Vec<Seen>; 2],
+    /// Corners of the area in which these parts are opposite one another.
+    overlap: Vec<Vector2<f64>>,
+    clipped: Vec<Vector2<f64>>,
+}
+
+impl WitnessRoom {
+    pub(super) fn new() -> Self {
+        let corners = || Vec::with_capacity(2 * TURNS.len() + 4);
+        let overlap = || Vec::with_capacity(4 * TURNS.len() + 8);
+        Self {
+            points: Vec::with_capacity(TURNS.len() + 1),
+            corners: [corners(), corners()],
+            overlap: overlap(),
+            clipped: overlap(),
+        }
+    }
+}
+
+/// One solid of a pair, seen along the normal.
+struct View<'a> {
+    solid: &'a Solid,
+    rotation: &'a M3,
+    position: V3,
+    /// Out of the solid, towards the other.
+    outward: V3,
+    /// Its nearest point.
+    centre: V3,
+    /// Axes square to the normal.
+    axes: [V3; 2],
+}
+
+impl View<'_> {
+    /// The corners of what is farthest outward, or would be after a turn by [`TILT`].
+    fn near(&self, points: &mut Vec<Seen>, corners: &mut Vec<Seen>) {
+        let placed = Placed { core: &self.solid.core, rotation: self.rotation, position: self.position };
+        let [x, y] = self.axes;
+        points.clear();
+        points.push(Seen { place: Vector2::zeros(), point: self.centre });
+        for (along, across) in TURNS {
+            let tilted = self.outward + (x * along + y * across) * TILT;
+            let point = placed.farthest(tilted) + self.outward * self.solid.radius;
+            let from = point - self.centre;
+            points.push(Seen { place: Vector2::new(from.dot(x), from.dot(y)), point });
+        }
+        convex_corners(points, |seen| seen.place, corners);
+        flatten(corners);
+    }
+
+    /// The point of the solid at a place within the corners: on one of the triangles between two corners and the nearest point.
+    fn at(&self, place: Vector2<f64>, corners: &[Seen]) -> V3 {
+        let [x, y] = self.axes;
+        if self.solid.is_half_space() {
+            return self.centre + x * place.x + y * place.y;
+        }
+        for (a, b) in corners.iter().zip(corners.iter().cycle().skip(1)) {
+            let area = a.place.perp(&b.place);
+            if area <= NO_AREA {
+                continue;
+            }
+            let (of_a, of_b) = (place.perp(&b.place) / area, a.place.perp(&place) / area);
+            if of_a >= -1e-9 && of_b >= -1e-9 && of_a + of_b <= 1.0 + 1e-9 {
+                return self.centre + (a.point - self.centre) * of_a + (b.point - self.centre) * of_b;
+            }
+        }
+        // a line, or the edge of the area
+        let along = |corner: &&Seen| corner.place.dot(&place) / corner.place.norm().max(SAME);
+        let Some(end) = corners.iter().max_by(|a, b| along(a).total_cmp(&along(b))) else {
+            return self.centre;
+        };
+        let share = (end.place.dot(&place) / end.place.norm_squared().max(SAME * SAME)).clamp(0.0, 1.0);
+        self.centre + (end.point - self.centre) * share
+    }
+}
+
+impl Collisions {
+    /// Largest number of [witnesses](Self::witnesses) of a pair.
+    pub const MOST_WITNESSES: usize = 12;
+
+    /// Appends the witnesses of a pair to `found`: pairs of opposite points, at most [`MOST_WITNESSES`](Self::MOST_WITNESSES), any of
+    /// which may be the nearest one after a small turn of a solid, besides `nearest` itself, which was measured at these poses. Each has the
+    /// normal of `nearest` and, as its distance, the gap along it, which is no smaller than that of `nearest`.
+    ///
+    /// Between a flat side and an edge or another side the nearest points jump from corner to corner as the solids turn, and the
+    /// [slope](CollisionModel::distance_jacobian) of the ones says nothing of the others. The witnesses are the corners of the area in
+    /// which the solids lie opposite one another: points that are farthest along the normal, or along one tilted by 0.05 rad. Spheres, and
+    /// [surfaces](super::MeshMode::Surface), have none.
+    ///
+    /// ```
+    /// use motorium_robots::{CollisionModel, CollisionOptions, Collisions, Geometry, MeshMode, load};
+    /// use nalgebra::{Isometry3, Vector3};
+    ///
+    /// let panda = load("panda", std::path::Path::new("."))?.model;
+    /// let mut solids = CollisionModel::new(&panda, &CollisionOptions::default())?;
+    /// let cube = |side: f64| Geometry::Box { size: Vector3::repeat(side) };
+    /// solids.add_obstacle("table", Isometry3::translation(2.0, 0.0, 0.0), cube(1.0), MeshMode::default())?;
+    /// solids.add_free_object("crate", Isometry3::translation(2.1, 0.0, 0.62), cube(0.2), MeshMode::default())?;
+    /// let mut distances = Collisions::new(&solids);
+    /// let nearest = distances.distance(&solids, solids.pairs().len() - 1);
+    /// let mut corners = Vec::new();
+    /// distances.witnesses(&solids, &nearest, &mut corners);
+    /// assert_eq!(solids.pair_links(nearest.pair), ["table", "crate"]);
+    /// assert!(corners.len() >= 3 && corners.iter().all(|corner| (corner.distance - 0.02).abs() < 1e-9));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn witnesses(&mut self, model: &CollisionModel, nearest: &Proximity, found: &mut Vec<Proximity>) {
+        let pair = model.pairs[nearest.pair];
+        let solids = pair.map(|solid| &model.solids[solid]);
+        let smooth = |solid: &&Solid| solid.core == Core::Point || solid.is_surface();
+        if solids.iter().any(smooth) || !nearest.distance.is_finite() {
+            return;
+        }
+        let Self { rotations, positions, room, .. } = self;
+        let WitnessRoom { points, corners, overlap, clipped } = room;
+        let normal = V3::from(nearest.normal.into_inner());
+        // places on the rim of a cylinder stay where they are as the other solid turns
+        let round = pair.into_iter().find(|solid| matches!(model.solids[*solid].core, Core::Cylinder(..)));
+        let axes = square_to(normal, &rotations[round.unwrap_or(pair[0])]);
+        let view = |side: usize, outward: V3| View {
+            solid: solids[side],
+            rotation: &rotations[pair[side]],
+            position: positions[pair[side]],
+            outward,
+            centre: V3::from(Vector3::from(nearest.points[side].coords)),
+            axes,
+        };
+        let views = [view(0, normal), view(1, -normal)];
+        for (view, corners) in views.iter().zip(&mut *corners) {
+            if !view.solid.is_half_space() {
+                view.near(points, corners);
+            }
+        }
+        overlap.clear();
+        match solids.map(Solid::is_half_space) {
+            [true, _] => overlap.extend(corners[1].iter().map(|seen| seen.place)),
+            [_, true] => overlap.extend(corners[0].iter().map(|seen| seen.place)),
+            _ => intersect(corners, overlap, clipped),
+        }
+        keep_corners(overlap);
+        for place in &*overlap {
+            let ends = [0, 1].map(|side| views[side].at(*place, &corners[side]));
+            found.push(Proximity {
+                pair: nearest.pair,
+                distance: (ends[1] - ends[0]).dot(normal),
+                points: ends.map(|end| Point3::from(Vector3::from(end))),
+                normal: nearest.normal,
+            });
+        }
+    }
+}
+
+/// Leaves the ends of a polygon that is as good as a line.
+fn flatten(corners: &mut Vec<Seen>) {
+    let farthest = |from: Vector2<f64>| {
+        let distance = |seen: &&Seen| (seen.place - from).norm_squared();
+        corners.iter().max_by(|a, b| distance(a).total_cmp(&distance(b))).copied()
+    };
+    let Some(first) = farthest(Vector2::zeros()) else { return };
+    let Some(last) = farthest(first.place) else { return };
+    let way = last.place - first.place;
+    if corners.iter().all(|seen| way.perp(&(seen.place - first.place)).abs() <= SAME * way.norm()) {
+        corners.clear();
+        corners.extend([first, last]);
+    }
+}
+
+/// The corners of the area that two convex polygons have in common, each of which may be a line.
+fn intersect(
+    [first, second]: &[Vec<Seen>; 2],
+    overlap: &mut Vec<Vector2<f64>>,
+    clipped: &mut Vec<Vector2<f64>>,
+) {
+    if let ([a, b], [c, d]) = (&**first, &**second) {
+        let (from, way) = (a.place, b.place - a.place);
+        let (length, other) = (way.norm(), d.place - c.place);
+        // lines that cross have one nearest point
+        if length < SAME || way.perp(&other).abs() > 2.0 * TILT * length * other.norm() {
+            return;
+        }
+        let along = way / length;
+        let [c, d] = [c, d].map(|end| along.dot(&(end.place - from)));
+        let (low, high) = (c.min(d).max(0.0), c.max(d).min(length));
+        if low < high {
+            overlap.extend([low, high].map(|at| from + along * at));
+        }
+        return;
+    }
+    let (subject, clipper) = if second.len() > 2 { (first, second) } else { (second, first) };
+    overlap.extend(subject.iter().map(|seen| seen.place));
+    for (a, b) in clipper.iter().zip(clipper.iter().cycle().skip(1)) {
+        clip(overlap, [a.place, b.place], NO_AREA, clipped);
+        std::mem::swap(overlap, clipped);
+    }
+}
+
+/// Leaves the corners that are places of their own, away from the nearest point; of more than are wanted, those that the area needs most.
+fn keep_corners(overlap: &mut Vec<Vector2<f64>>) {
+    let mut kept = 0;
+    for index in 0..overlap.len() {
+        let place = overlap[index];
+        let known = overlap[..kept].iter().any(|other| (other - place).norm() < SAME);
+        if place.norm() >= SAME && !known {
+            overlap[kept] = place;
+            kept += 1;
+        }
+    }
+    overlap.truncate(kept);
+    while overlap.len() > Collisions::MOST_WITNESSES {
+        let count = overlap.len();
+        let area = |index: usize| {
+            let [before, here, after] = [index + count - 1, index, index + 1].map(|i| overlap[i % count]);
+            (here - before).perp(&(after - here)).abs()
+        };
+        let least = (0..count).min_by(|a, b| area(*a).total_cmp(&area(*b)));
+        overlap.remove(least.unwrap_or_default());
+    }
+}
+
+/// Two axes square to a direction of length 1 and to one another, along an axis of a solid.
+fn square_to(normal: V3, solid: &M3) -> [V3; 2] {
+    let along = if solid.x.dot(normal).abs() < 0.8 { solid.x } else { solid.y };
+    let x = along - normal * along.dot(normal);
+    let x = x * (1.0 / x.dot(x).sqrt());
+    [x, normal.cross(x)]
+}
