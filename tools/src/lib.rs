@@ -38,7 +38,9 @@ pub fn registry() -> motorium::worker::Registry {
 
 /// The whole program; its `main` only adds the allocator that counts.
 pub fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().collect();
+    // What is no UTF-8 is refused by the command that reads it, as a path it may be right.
+    let arguments: Vec<String> =
+        std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect();
     // This program is also the process of every built-in component, and the guard.
     match Program::from_arguments(&arguments) {
         Some(Program::Worker { folder, component }) => {

@@ -1,13 +1,15 @@
 //! Mistakes of a first day: each ends in an error or a warning that names it.
 //!
 //! In graphs: a goal out of reach, a start out of limits, a wrong frame, no unit and a wrong one, numbers of another type and
-//! count, keys that are misspelt or missing. On the command line: a wrong option, a time without a unit. In robots: missing
+//! count, degrees, keys that are misspelt or missing. On the command line: a wrong option, a time without a unit, a graph on
+//! standard input, a name that is no text. In robots: missing
 //! meshes, xacro, nothing to collide with, settings that do not fit. In other files: a recording without a time, a number that
 //! is none, and one kind of file in place of another. A goal out of reach that is tried all the same is in `expect.rs`.
 
+use std::os::unix::ffi::OsStrExt as _;
 use std::path::Path;
 
-use crate::program::run;
+use crate::program::{motorium, run};
 
 const REACH: &str = "../graphs/panda-reach.toml";
 
@@ -30,6 +32,12 @@ fn a_graph_with_a_mistake_is_refused_with_the_value_and_what_to_try() {
             "physics.config.position=[9.0,0.0,0.0,-1.5,0.0,1.5,0.0,0.0]",
             &["joint `panda_joint1` starts at 9, outside its limits -2.8973 to 2.8973", "start it at 2.8973"],
         ),
+        // Degrees in place of radians.
+        (
+            "physics.config.position=[90.0,0.0,0.0,-1.5,0.0,1.5,0.0,0.0]",
+            &["joint `panda_joint1` starts at 90", "in rad: 90 degrees are 1.5708 rad"],
+        ),
+        ("robot.panda.start=[0.0,-45.0,0.0,-1.5,0.0,1.5,0.0,0.0]", &["-45 degrees are -0.7854 rad"]),
         ("physics.config.pose=hoem", &["no pose is named \"hoem\""]),
         // A frame that does not exist, and one that no joint moves.
         ("policy.config.frame=panda_hnad", &["did you mean \"panda_hand\"?"]),
@@ -90,6 +98,87 @@ fn a_wrong_option_is_told_with_the_one_that_was_meant() {
         code == Some(2) && errors.contains("'--for <DURATION>'") && errors.contains("without a unit"),
         "{errors}"
     );
+}
+
+#[test]
+fn a_time_that_is_none_is_told_by_the_option_that_was_typed() {
+    for (arguments, words) in [
+        (&["run", REACH, "--for", "abc"][..], "is \"abc\", which does not begin with a number"),
+        (&["run", REACH, "--for", "-1s"], "is negative (-1)"),
+        (&["calibrate", REACH, "--for", "--save"], "does not begin with a number"),
+        (&["topic", "hz", "a/b", "--for", "-5 s"], "is negative (-5)"),
+    ] {
+        let (code, errors) = tried(arguments);
+        assert_eq!(code, Some(2), "{arguments:?}: {errors}");
+        assert!(errors.contains("for '--for <") && errors.contains(words), "{arguments:?}: {errors}");
+    }
+}
+
+#[test]
+fn a_graph_on_standard_input_is_read_with_its_paths_relative_to_the_current_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [_, graph] = bare_robot(folder.path());
+    let checked = |text: &str| {
+        let input = folder.path().join("input");
+        std::fs::write(&input, text).expect("the folder takes files");
+        let mut command = motorium(&["check", "-"]);
+        command.current_dir(folder.path()).stdin(std::fs::File::open(input).expect("it is there"));
+        let output = command.output().expect("it runs");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let text = std::fs::read_to_string(graph).expect("it was written");
+    let (code, errors) = checked(&text);
+    assert_eq!(code, Some(0), "{errors}");
+    let (code, errors) = checked(&text.replace("rate      = \"500 Hz\"", "raet      = \"500 Hz\""));
+    assert!(
+        code == Some(3) && errors.contains("stdin:") && errors.contains("did you mean `rate`?"),
+        "{errors}"
+    );
+}
+
+#[test]
+fn a_file_of_another_kind_is_told_in_a_few_errors_and_a_name_that_is_no_text_in_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let lines: String = (0..40).map(|line| format!("user{line}:x:{line}:/bin/sh\n")).collect();
+    let (code, errors) = tried(&["check", &file(folder.path(), "passwd", &lines)]);
+    let told = errors.matches("the file is not TOML").count();
+    assert!(code == Some(3) && (1..=5).contains(&told), "{told} errors: {errors}");
+    let mut command = motorium(&["check"]);
+    command.arg(std::ffi::OsStr::from_bytes(b"nowhere-\xff.toml"));
+    let output = command.output().expect("it runs");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(3) && errors.contains("--example panda-reach"), "{errors}");
+}
+
+#[test]
+fn a_recording_that_is_missing_or_is_none_is_told_in_one_sentence_by_every_command_that_reads_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let missing = folder.path().join("nowhere.mcap");
+    let within = folder.path().join("folder.mcap");
+    std::fs::create_dir(&within).expect("a folder takes folders");
+    let other = file(folder.path(), "other.mcap", "name = \"a graph in place of a recording\"");
+    let text = |path: &Path| path.to_str().expect("a plain path").to_string();
+    for (path, words) in [
+        (text(&missing), "No such file or directory"),
+        (text(&within), "it is a folder, expected the file of a recording"),
+        (other, "this is no recording, which is an MCAP file"),
+    ] {
+        for arguments in [
+            &["plot", &path, "a.b"][..],
+            &["report", &path],
+            &["score", &path],
+            &["export", &path],
+            &["replay", &path, "--verify"],
+        ] {
+            let (code, errors) = tried(arguments);
+            assert_eq!(code, Some(1), "{arguments:?}: {errors}");
+            assert_eq!(errors.lines().count(), 1, "{arguments:?}: {errors}");
+            assert!(errors.trim_end().ends_with(words) || errors.contains("(os error 2)"), "{errors}");
+            assert!(errors.matches(words).count() == 1, "{arguments:?}: {errors}");
+        }
+    }
+    let (code, errors) = tried(&["view", &text(&missing)]);
+    assert!(code == Some(1) && errors.matches("os error 2").count() == 1, "{errors}");
 }
 
 /// Writes a file into a folder; its path.
