@@ -57,7 +57,7 @@ pub(crate) struct Run {
     #[arg(long, requires = "episodes")]
     vary_seed: bool,
     /// Simulated time per real time; as fast as the machine allows if not given
-    #[arg(long, value_name = "FACTOR")]
+    #[arg(long, value_name = "FACTOR", value_parser = pace)]
     pace: Option<f64>,
     /// Hold simulated time at the start, until `motorium step`
     #[arg(long)]
@@ -86,6 +86,13 @@ pub(crate) struct Run {
     /// The file of a trace of every step, as `motorium trace` writes it.
     #[arg(skip)]
     trace: Option<PathBuf>,
+}
+
+fn pace(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
+        _ => Err("expected a number above 0: the seconds of simulated time in one of real time".to_string()),
+    }
 }
 
 /// Trace of a run for `motorium trace`.

@@ -34,7 +34,7 @@ fn what_a_run_is_asked_for_and_cannot_be_is_told_by_its_option_before_anything_s
         ),
         (&["--record", within], 1, &["is a folder, expected the file of a recording"]),
         (&["--core", "4096"], 2, &["`--core 4096` names no core of this machine; its cores: 0"]),
-        (&["--pace", "-1"], 1, &["pace", "-1"]),
+        (&["--pace", "-1"], 2, &["'--pace <FACTOR>'", "expected a number above 0"]),
         (&["--episodes", "-1"], 2, &["'-1'", "'--episodes <N>'"]),
     ] {
         let (found, errors) = tried(&[&lockstep[..], arguments].concat());
