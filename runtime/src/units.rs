@@ -169,7 +169,7 @@ fn split<'a>(text: &'a str, example: &str) -> Result<(&'a str, &'a str), UnitErr
     let end =
         text.find(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-' || c == '+')).unwrap_or(text.len());
     let (number, unit) = (&text[..end], text[end..].trim());
-    if number.is_empty() && !text.is_empty() {
+    if !number.bytes().any(|byte| byte.is_ascii_digit()) && !text.is_empty() {
         let found = format!("is \"{text}\", which does not begin with a number");
         return Err(UnitError { found, expected: example.to_string() });
     }
