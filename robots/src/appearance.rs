@@ -130,7 +130,7 @@ impl Appearance {
     }
 }
 
-/// The colours of the links of a robot, as the visuals of its URDF state them.
+/// The colours of the links of a robot, as the visuals of its URDF or the geoms of its MJCF state them.
 ///
 /// ```
 /// use motorium_robots::LinkColours;
@@ -144,13 +144,30 @@ impl Appearance {
 /// assert_eq!(colours.of_shape("a", 0, None), [1.0, 0.0, 0.0]);
 /// assert_eq!(colours.of_shape("b", 0, Some(0)), [0.93; 3]);
 /// ```
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct LinkColours(BTreeMap<String, Vec<Option<Colour>>>);
 
 impl LinkColours {
     /// The colours in the text of a URDF file; none in another text.
     pub fn of_urdf(text: &str) -> Self {
         Self(urdf::visual_colours(text))
+    }
+
+    /// The colours of the shapes of each link, in their order.
+    pub(crate) fn of_shapes(links: BTreeMap<String, Vec<Option<Colour>>>) -> Self {
+        Self(links)
+    }
+
+    /// These, and those of another for links of which no shape states a colour here.
+    #[must_use]
+    pub(crate) fn or(mut self, other: Self) -> Self {
+        for (link, colours) in other.0 {
+            let own = self.0.entry(link).or_default();
+            if own.iter().all(Option::is_none) {
+                *own = colours;
+            }
+        }
+        self
     }
 
     /// The colour of a shape of a link: that of the visual at its `place` among those of the link, else of the last one, else a

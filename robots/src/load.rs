@@ -266,7 +266,7 @@ fn parse(text: &str, path: &Path, options: &LoadOptions) -> Result<Parsed, LoadE
         return Err(LoadError::NotMjcf(path.to_owned()));
     }
     if is_mjcf(text) {
-        let MjcfRobot { model, warnings, exclusions, profile } = parse_mjcf(text, Some(path), options)?;
+        let MjcfRobot { model, warnings, exclusions, profile, .. } = parse_mjcf(text, Some(path), options)?;
         return Ok(Parsed { model, warnings, exclusions, profile });
     }
     let UrdfRobot { model, warnings } = parse_urdf_with(text, Some(path), options)?;

@@ -3,6 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::{JointKind, Model};
+
 /// One number for all joints of a robot, or a list with one number for each joint, in the order of the model's joints.
 ///
 /// ```
@@ -59,5 +61,27 @@ impl PerJoint {
             Self::All(value) => core::slice::from_ref(value),
             Self::Each(values) => values,
         }
+    }
+}
+
+impl Model {
+    /// Advice for a position of a joint that turns which lies outside its limits in rad, and would lie within them in degrees.
+    ///
+    /// ```
+    /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;
+    /// let advice = panda.degrees_advice(0, 90.0);
+    /// assert_eq!(advice.as_deref(), Some("positions of joints that turn are in rad: 90 degrees are 1.5708 rad"));
+    /// assert_eq!(panda.degrees_advice(0, 3.0), None);
+    /// # Ok::<(), motorium_robots::LoadError>(())
+    /// ```
+    pub fn degrees_advice(&self, joint: usize, position: f64) -> Option<String> {
+        // What is less than two turns may be meant in rad.
+        const LEAST: f64 = 2.0 * core::f64::consts::TAU;
+        let turns = self.joint(joint).kind != JointKind::Prismatic;
+        let (lower, upper, meant) = (self.lower()[joint], self.upper()[joint], position.to_radians());
+        let is_meant = turns && position.abs() > LEAST && (lower..=upper).contains(&meant);
+        is_meant.then(|| {
+            format!("positions of joints that turn are in rad: {position} degrees are {meant:.4} rad")
+        })
     }
 }

@@ -162,7 +162,8 @@ fn set_start(profile: &mut Profile, position: &PerJoint, model: &Model) -> Resul
         if !(lower..=upper).contains(value) {
             let joint = &model.joint_names()[index];
             let message = format!("joint `{joint}` starts at {value}, outside its limits {lower} to {upper}");
-            return Err(SettingError::new(START, message));
+            let advice = model.degrees_advice(index, *value).map(|advice| format!("; {advice}"));
+            return Err(SettingError::new(START, message + advice.as_deref().unwrap_or_default()));
         }
     }
     if let Some(base) = profile.base_poses.get(&profile.home).copied() {

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use approx::assert_relative_eq;
 use motorium_robots::{
-    CollisionModel, CollisionOptions, LoadOptions, MimicMode, Model, ModelWarning, load_with, parse_mjcf,
+    CollisionModel, CollisionOptions, LinkColours, LoadOptions, MimicMode, Model, ModelWarning, ShapeSource,
+    load_with, parse_mjcf,
 };
 use serde_json::Value;
 
@@ -128,6 +129,84 @@ fn bodies_whose_geoms_never_collide_in_mujoco_are_excluded() {
         excluded("contype=\"2147483648\" conaffinity=\"0\"", "contype=\"0\" conaffinity=\"2147483648\""),
         [pair("a", "b")]
     );
+}
+
+/// Colours as `mjv_updateScene` of MuJoCo 3.17 gives them to the geoms of this file; opacity apart.
+const PAINTED: &str = r#"<mujoco model="painted">
+  <default>
+    <geom rgba="0.1 0.2 0.3 1"/>
+    <default class="bare"><geom rgba="0.5 0.5 0.5 1"/></default>
+    <default class="dull"><material rgba="0.3 0.3 0.9 1"/></default>
+  </default>
+  <asset>
+    <material name="red" rgba="0.8 0.1 0.1 1"/>
+    <material name="white" specular="0.2"/>
+    <material name="blue" class="dull"/>
+  </asset>
+  <worldbody>
+    <geom name="own" size="0.1" rgba="0.9 0.8 0.7 1"/>
+    <body name="arm" pos="0 0 0.5">
+      <joint name="turn" axis="0 0 1" range="-170 170"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
+      <geom name="of_default" size="0.1"/>
+      <geom name="over_material" size="0.1" material="red" rgba="0 1 0 0.5"/>
+      <geom name="of_material" class="bare" size="0.1" material="red"/>
+      <geom name="of_plain_material" class="bare" size="0.1" material="white"/>
+      <geom name="of_class_of_material" class="bare" size="0.1" material="blue"/>
+      <geom name="unseen" size="0.1" rgba="1 0 0 0"/>
+    </body>
+  </worldbody>
+</mujoco>"#;
+
+#[test]
+fn geoms_have_the_colours_that_mujoco_draws_and_a_robot_written_as_urdf_keeps_them() {
+    let options = LoadOptions { shapes: ShapeSource::Visual, ..LoadOptions::default() };
+    let robot = parse_mjcf(PAINTED, None, &options).unwrap();
+    assert_eq!(robot.colours.of_shape("world", 0, None), [0.9, 0.8, 0.7]);
+    let drawn = [[0.1, 0.2, 0.3], [0.0, 1.0, 0.0], [0.8, 0.1, 0.1], [1.0; 3], [0.3, 0.3, 0.9]];
+    assert_eq!(robot.model.bodies()[0].shapes.len(), drawn.len(), "what has no opacity is not seen");
+    for (place, colour) in drawn.into_iter().enumerate() {
+        assert_eq!(robot.colours.of_shape("arm", place, Some(0)), colour, "geom {place}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("painted.xml");
+    std::fs::write(&file, PAINTED).unwrap();
+    let loaded = load_with(file.to_str().unwrap(), folder.path(), &LoadOptions::default()).unwrap();
+    let urdf = loaded.drawn().unwrap().unwrap().text;
+    let again = LinkColours::of_urdf(&urdf);
+    for (place, colour) in drawn.into_iter().enumerate() {
+        assert_eq!(again.of_shape("arm", place, Some(0)), colour, "geom {place} in {urdf}");
+    }
+    // The shapes that collide are all of them, the one that is not seen among them.
+    let colliding = loaded.link_colours(ShapeSource::Collision).unwrap();
+    assert_eq!(colliding.of_shape("arm", 5, Some(0)), [1.0, 0.0, 0.0]);
+}
+
+#[test]
+fn a_link_whose_colliding_geoms_state_no_colour_has_those_that_are_seen() {
+    let text = r#"<mujoco><worldbody><body name="arm"><joint axis="0 0 1"/>
+        <inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/>
+        <geom size="0.1" contype="0" conaffinity="0" rgba="0.2 0.4 0.6 1"/><geom size="0.1" group="3"/>
+        </body></worldbody></mujoco>"#;
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("arm.xml");
+    std::fs::write(&file, text).unwrap();
+    let loaded = load_with(file.to_str().unwrap(), folder.path(), &LoadOptions::default()).unwrap();
+    let colours = loaded.link_colours(ShapeSource::Collision).unwrap();
+    assert_eq!(colours.of_shape("arm", 0, Some(0)), [0.2, 0.4, 0.6]);
+}
+
+#[test]
+fn a_material_that_is_nowhere_and_a_colour_of_three_numbers_are_refused_as_in_mujoco() {
+    let geom = |looks: &str| {
+        refusal(&format!(
+            "<asset><material name=\"red\"/></asset><worldbody><geom size=\"0.1\" {looks}/></worldbody>"
+        ))
+    };
+    let error = geom("material=\"rde\"");
+    assert!(error.contains("\"rde\"") && error.contains("\"red\""), "{error}");
+    let error = geom("rgba=\"1 0 0\"");
+    assert!(error.contains("rgba") && error.contains("4 numbers"), "{error}");
 }
 
 fn refusal(body: &str) -> String {

@@ -152,7 +152,7 @@ impl<'a> Decimal<'a> {
         let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
         let digits = [whole, fraction].concat();
         if whole.is_empty() || !digits.bytes().all(|byte| byte.is_ascii_digit()) {
-            return fail(format!("starts with \"{text}\", which is not a number"));
+            return fail(format!("begins with \"{text}\", which is not a number"));
         }
         match digits.parse::<u128>() {
             Ok(value) if digits.len() <= 24 => {
@@ -169,6 +169,10 @@ fn split<'a>(text: &'a str, example: &str) -> Result<(&'a str, &'a str), UnitErr
     let end =
         text.find(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-' || c == '+')).unwrap_or(text.len());
     let (number, unit) = (&text[..end], text[end..].trim());
+    if !number.bytes().any(|byte| byte.is_ascii_digit()) && !text.is_empty() {
+        let found = format!("is \"{text}\", which does not begin with a number");
+        return Err(UnitError { found, expected: example.to_string() });
+    }
     if text.is_empty() || unit.is_empty() {
         let found =
             if text.is_empty() { "is empty".to_string() } else { format!("is \"{text}\", without a unit") };

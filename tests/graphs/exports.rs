@@ -103,6 +103,37 @@ for index, episode in enumerate(episodes):
     assert episode["tasks"] == ["reach and rest"]
     for key in ["data/chunk_index", "data/file_index", "meta/episodes/chunk_index", "meta/episodes/file_index"]:
         assert episode[key] == 0, key
+    own = {"episode_index", "tasks", "length", "dataset_from_index", "dataset_to_index"}
+    places = {key for key in episode if key.endswith(("/chunk_index", "/file_index"))}
+    kinds = ["min", "max", "mean", "std", "q01", "q10", "q50", "q90", "q99", "count"]
+    assert set(episode) == own | places | {f"stats/{name}/{kind}" for name in features for kind in kinds}
+    for name, feature in features.items():
+        rows = [row if isinstance(row, list) else [row] for row in frames[name][12 * index:12 * index + 12]]
+        assert episode[f"stats/{name}/count"] == [12], name
+        for entry in range(feature["shape"][0]):
+            values = sorted(row[entry] for row in rows)
+            of = {kind: episode[f"stats/{name}/{kind}"][entry] for kind in kinds[:-1]}
+            assert (of["min"], of["max"]) == (values[0], values[-1]), name
+            mean = math.fsum(values) / 12
+            assert math.isclose(of["mean"], mean, rel_tol=1e-9, abs_tol=1e-12), name
+            deviation = math.sqrt(math.fsum((value - mean) ** 2 for value in values) / 12)
+            assert math.isclose(of["std"], deviation, rel_tol=1e-6, abs_tol=1e-9), name
+            # numpy.quantile: 11 gaps between 12 values
+            assert math.isclose(of["q50"], (values[5] + values[6]) / 2, rel_tol=1e-9, abs_tol=1e-12), name
+            assert math.isclose(of["q90"], values[9] + 0.9 * (values[10] - values[9]), rel_tol=1e-9, abs_tol=1e-12)
+            assert len(episode[f"stats/{name}/q01"]) == feature["shape"][0], name
+assert set(info) == {
+    "codebase_version", "robot_type", "total_episodes", "total_frames", "total_tasks", "chunks_size", "fps", "splits",
+    "data_files_size_in_mb", "video_files_size_in_mb", "data_path", "video_path", "features"}
+assert info["video_path"] is None and info["chunks_size"] == 1000
+assert sorted(str(path.relative_to(root)) for path in root.rglob("*") if path.is_file()) == [
+    "data/chunk-000/file-000.parquet", "meta/episodes/chunk-000/file-000.parquet", "meta/info.json", "meta/stats.json",
+    "meta/tasks.parquet"]
+dtypes = {"timestamp": "float32", "frame_index": "int64", "episode_index": "int64", "index": "int64", "task_index": "int64"}
+for name, dtype in dtypes.items():
+    assert features[name] == {"dtype": dtype, "shape": [1], "names": None}, name
+for name in ["observation.state", "action"]:
+    assert features[name]["dtype"] == "float32" and features[name]["shape"] == [8], name
 tasks = parquet.read_table(root / "meta/tasks.parquet")
 assert tasks.to_pylist() == [{"task_index": 0, "task": "reach and rest"}]
 assert json.loads(tasks.schema.metadata[b"pandas"])["index_columns"] == ["task"]

@@ -17,7 +17,7 @@ const ROBOT: &str = r#"<mujoco model="crane">
   </asset>
   <worldbody>
     <body name="mast" pos="0 0 0.1">
-      <geom type="capsule" size="0.05 0.2" pos="0 0 0.2"/>
+      <geom type="capsule" size="0.05 0.2" pos="0 0 0.2" rgba="0.9 0.4 0.1 1"/>
       <body name="arm" pos="0 0 0.45">
         <joint name="slew" axis="0 0 1" range="-170 170" actuatorfrcrange="-50 50" damping="1"/>
         <inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.02 0.02"/>
@@ -81,6 +81,7 @@ fn a_robot_of_mjcf_is_described_as_urdf_and_its_meshes_are_sent() {
     let text = client.next_json("/robot_description");
     let urdf = text["data"].as_str().unwrap();
     assert!(urdf.contains("<robot name=\"crane\">") && urdf.contains("<joint name=\"hoist\""), "{urdf}");
+    assert!(urdf.contains(r#"<color rgba="0.9 0.4 0.1 1"/>"#), "the colour of the mast: {urdf}");
     let names: Vec<&str> =
         urdf.split("filename=\"").skip(1).filter_map(|rest| rest.split('"').next()).collect();
     assert_eq!(names.len(), 3, "the capsule, the mesh of the file, and the one beside it: {names:?}");

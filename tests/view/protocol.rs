@@ -274,6 +274,25 @@ fn a_viewer_that_is_told_to_end_ends_the_graph_that_it_has_started() {
 }
 
 #[test]
+fn a_graph_that_cannot_start_is_told_once_and_ends_the_viewer_with_the_exit_code_of_its_mistake() {
+    let installed = installed();
+    let view = |graph: &str| {
+        let output = std::process::Command::new(installed.path().join("motorium"))
+            .args(["view", "--port", "0", graph])
+            .current_dir(workspace())
+            .output()
+            .unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(errors.matches("error: ").count(), 1, "{errors}");
+        (output.status.code(), errors)
+    };
+    let (code, errors) = view("graphs/no-such-graph.toml");
+    assert!(code == Some(3) && errors.contains("no-such-graph.toml` cannot be read"), "{errors}");
+    let (code, errors) = view("no-such-recording.mcap");
+    assert!(code == Some(1) && errors.matches("os error 2").count() == 1, "{errors}");
+}
+
+#[test]
 fn the_port_serves_the_page_and_files_of_robots_and_nothing_else() {
     let _machine = machine();
     let packages = tempfile::tempdir().unwrap();

@@ -23,12 +23,17 @@ mod wrap;
 
 use std::process::ExitCode;
 
-use clap::Parser as _;
+use clap::FromArgMatches as _;
 use motorium::program::{Program, run_worker};
 
 /// The description of the command line: every command, option and help text.
 pub fn command() -> clap::Command {
-    <commands::Cli as clap::CommandFactory>::command()
+    numeric(<commands::Cli as clap::CommandFactory>::command())
+}
+
+/// A command to whose options a negative number is a value, which each of them takes or refuses in words of its own.
+fn numeric(command: clap::Command) -> clap::Command {
+    command.allow_negative_numbers(true).mut_subcommands(numeric)
 }
 
 /// The kinds of components and the robots that the command knows.
@@ -38,7 +43,9 @@ pub fn registry() -> motorium::worker::Registry {
 
 /// The whole program; its `main` only adds the allocator that counts.
 pub fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().collect();
+    // What is no UTF-8 is refused by the command that reads it, as a path it may be right.
+    let arguments: Vec<String> =
+        std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect();
     // This program is also the process of every built-in component, and the guard.
     match Program::from_arguments(&arguments) {
         Some(Program::Worker { folder, component }) => {
@@ -59,7 +66,8 @@ pub fn main() -> ExitCode {
     // Where a shell asks for completions, they are printed, and that is all.
     clap_complete::CompleteEnv::with_factory(command).complete();
     failure::arrange(&arguments);
-    let command = match commands::Cli::try_parse() {
+    let parsed = command().try_get_matches().and_then(|matches| commands::Cli::from_arg_matches(&matches));
+    let command = match parsed {
         Ok(command) => command,
         Err(error) => return failure::usage(&error),
     };

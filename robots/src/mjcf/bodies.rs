@@ -1,6 +1,6 @@
 //! The tree of bodies.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 use nalgebra::{Isometry3, Translation3, Vector3};
 use roxmltree::Node;
@@ -13,7 +13,7 @@ use super::joints::SpringDamper;
 use super::masks::Masks;
 use super::pose::{between, pose};
 use super::schema::{BODY, FRAME, FREEJOINT, JOINT, SITE};
-use crate::{Base, Body, Frame, Inertia, Shape, Srdf};
+use crate::{Base, Body, Colour, Frame, Inertia, Shape, Srdf};
 
 /// Largest depth of bodies and frames: the reader recurses, and half the stack of a thread must do.
 const DEEPEST: usize = 150;
@@ -44,6 +44,8 @@ pub(super) struct Tree<'b, 'a, 'i> {
     pub(super) references: Vec<f64>,
     pub(super) spring_dampers: Vec<SpringDamper<'a, 'i>>,
     pub(super) masks: Masks,
+    /// Colours of the shapes of each link, in their order.
+    pub(super) colours: BTreeMap<String, Vec<Option<Colour>>>,
     /// Mass of bodies that do not move, where `settotalmass` asks for it \[kg\].
     pub(super) static_mass: f64,
     /// Sites, which become frames where no body has their name.
@@ -75,6 +77,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
             references: Vec::new(),
             spring_dampers: Vec::new(),
             masks: Masks::default(),
+            colours: BTreeMap::new(),
             static_mass: 0.0,
             sites: Vec::new(),
         }
@@ -112,6 +115,7 @@ impl<'b, 'a, 'i> Tree<'b, 'a, 'i> {
                     if geom.kept {
                         let link = self.owner(node);
                         self.masks.add(&link, geom.masks);
+                        self.colours.entry(link.clone()).or_default().push(geom.colour);
                         let placement = place.within * geom.placement;
                         let shape = Shape { link, placement, geometry: geom.geometry };
                         match place.carrier {

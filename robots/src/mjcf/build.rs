@@ -15,7 +15,7 @@ use super::joints::SpringDamper;
 use super::sections::{check_options, read_assets, read_exclusions};
 use super::{MjcfRobot, actuators, equality, keyframes};
 use crate::load::{BaseMode, LoadOptions};
-use crate::{Base, Body, Coordinate, Dynamics, Frame, Model, Position, Srdf};
+use crate::{Base, Body, Coordinate, Dynamics, Frame, LinkColours, Model, Position, Srdf};
 
 /// Sections without effect on a model.
 const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
@@ -46,6 +46,7 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
         compiler: &compiler,
         shapes: options.shapes,
         meshes: Default::default(),
+        materials: Default::default(),
     };
     let mut exclusions = Srdf::default();
     for section in root.children().filter(Node::is_element) {
@@ -82,7 +83,7 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     tree.check_exclusions(&attributes, root, &exclusions)?;
     tree.masks.exclude(&attributes, root, &mut exclusions);
     let name = root.attribute("model").unwrap_or("MuJoCo Model").to_owned();
-    let Tree { base, mut bodies, frames, references, spring_dampers, .. } = tree;
+    let Tree { base, mut bodies, frames, references, spring_dampers, colours, .. } = tree;
     damp(&name, &base, &mut bodies, &references, &spring_dampers)
         .map_err(|node| attributes.refused(node, "springdamper", "", "the mass matrix is singular"))?;
     for section in sections("equality") {
@@ -100,7 +101,7 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     crate::urdf::warn_of_massless_ends(&bodies, &mut warnings);
     let model = Model::new(name, base, bodies, frames);
     let profile = drives::profile(&model, &references, keyframes, &drives);
-    Ok(MjcfRobot { model, warnings, exclusions, profile })
+    Ok(MjcfRobot { model, warnings, exclusions, profile, colours: LinkColours::of_shapes(colours) })
 }
 
 /// Gives joints with a `springdamper` the damping for its time constant and the stiffness for its damping ratio, from the inertia that

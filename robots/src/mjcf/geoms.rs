@@ -14,7 +14,7 @@ use super::error::{MjcfError, MjcfProblem};
 use super::pose::{between, pose};
 use super::schema::GEOM;
 use crate::nearest::nearest;
-use crate::{Geometry, Inertia, ShapeSource, TriangleMesh};
+use crate::{Colour, Geometry, Inertia, ShapeSource, TriangleMesh};
 
 /// Sides and thickness of the box that stands for an infinite plane of the world \[m\].
 const PLANE: [f64; 2] = [100.0, 1.0];
@@ -24,6 +24,9 @@ pub(super) const WATER: f64 = 1000.0;
 
 /// The last group that MuJoCo's viewer shows unasked.
 const LAST_SEEN: f64 = 2.0;
+
+/// Red, green, blue and opacity of a geom that states none. One that states just this has the colour of its material.
+const GREY: [f64; 4] = [0.5, 0.5, 0.5, 1.0];
 
 /// A mesh of `<asset>`.
 pub(super) struct MeshAsset {
@@ -42,6 +45,8 @@ pub(super) struct Geom {
     pub(super) masks: [i32; 2],
     /// It is among the shapes of the model.
     pub(super) kept: bool,
+    /// The colour that it or its material states.
+    pub(super) colour: Option<Colour>,
     /// In the frame that the geom is placed in; an error where it is not known, for when it is needed.
     pub(super) inertia: Result<Inertia, MjcfError>,
 }
@@ -51,6 +56,8 @@ pub(super) struct Geoms<'b, 'a, 'i> {
     pub(super) compiler: &'b Compiler,
     pub(super) shapes: ShapeSource,
     pub(super) meshes: HashMap<&'a str, MeshAsset>,
+    /// Red, green, blue and opacity of the materials.
+    pub(super) materials: HashMap<&'a str, [f64; 4]>,
 }
 
 impl<'a, 'i> Geoms<'_, 'a, 'i> {
@@ -118,11 +125,28 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
             true => self.inertia(&geom, kind, &geometry, &placement)?,
             false => Ok(Inertia::zero()),
         };
+        let rgba = self.rgba(&geom)?;
         let kept = match self.shapes {
             ShapeSource::Collision => masks != [0, 0],
-            ShapeSource::Visual => group <= LAST_SEEN && kind != "plane",
+            ShapeSource::Visual => {
+                let is_seen = rgba.is_none_or(|[_, _, _, opacity]| opacity > 0.0);
+                is_seen && group <= LAST_SEEN && kind != "plane"
+            }
         };
-        Ok(Geom { placement, geometry, masks, kept, inertia })
+        let colour = rgba.map(|[red, green, blue, _]| [red, green, blue].map(|part| part.clamp(0.0, 1.0)));
+        Ok(Geom { placement, geometry, masks, kept, colour, inertia })
+    }
+
+    /// Red, green, blue and opacity that a geom or its material states.
+    fn rgba(&self, geom: &Element<'_, 'a, 'i>) -> Result<Option<[f64; 4]>, MjcfError> {
+        let own = geom.numbers::<4>("rgba")?;
+        let Some(name) = geom.get("material") else { return Ok(own) };
+        let Some(material) = self.materials.get(name) else {
+            let nearest = nearest(name, self.materials.keys().copied()).map(str::to_owned);
+            let (element, name) = (named(geom.node), name.to_owned());
+            return Err(geom.error(MjcfProblem::Unknown { element, what: "material", name, nearest }));
+        };
+        Ok(own.filter(|own| *own != GREY).or(Some(*material)))
     }
 
     /// Inertia of a geom; the inner error is one for when the inertia is needed.

@@ -29,7 +29,7 @@ use std::path::Path;
 pub use error::{MjcfError, MjcfProblem};
 pub use world::{MjcfWorld, parse_mjcf_world};
 
-use crate::{LoadOptions, Model, ModelWarning, Profile, Srdf};
+use crate::{LinkColours, LoadOptions, Model, ModelWarning, Profile, Srdf};
 
 /// An MJCF text turned into a model.
 #[derive(Clone, Debug)]
@@ -44,6 +44,8 @@ pub struct MjcfRobot {
     /// Poses from its keyframes, and gains and joints without a drive from its actuators; `None` where it has neither
     /// keyframes nor actuators that hold positions.
     pub profile: Option<Profile>,
+    /// Colours of the shapes of the model, as its geoms (`rgba`) or their materials state them.
+    pub colours: LinkColours,
 }
 
 /// Parses MJCF `text`. `file` is where it came from: for messages, and to find meshes beside it.

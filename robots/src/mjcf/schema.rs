@@ -42,11 +42,12 @@ impl Schema {
             "geom" => &GEOM,
             "site" => &SITE,
             "mesh" => &MESH,
+            "material" => &MATERIAL,
             "equality" => &EQUALITY,
             "tendon" => &TENDON,
             _ if ACTUATORS.contains(&element) => &ACTUATOR,
             // No quantity depends on them.
-            "camera" | "light" | "material" | "texture" | "pair" => return Ok(None),
+            "camera" | "light" | "texture" | "pair" => return Ok(None),
             _ => return Err(()),
         }))
     }
@@ -120,7 +121,9 @@ pub(super) const GEOM: Schema = Schema {
         (Use::Read, &["mass", "density", "shellinertia", "group"]),
         // Parameters of contacts: each simulator here has its own.
         (Use::NoEffect, &["condim", "priority", "friction", "solmix", "solref", "solimp", "margin", "gap"]),
-        (Use::NoEffect, &["rgba", "material", "castshadow", "user", "fluidcoef"]),
+        // Looks, of which viewers ask.
+        (Use::Read, &["rgba", "material"]),
+        (Use::NoEffect, &["castshadow", "user", "fluidcoef"]),
         // Of primitives fitted to meshes and of height fields, which are refused.
         (Use::NoEffect, &["fitscale", "hfield"]),
         (Use::Ignored(CONTACT), &["adhesion", "surfacevel"]),
@@ -146,6 +149,15 @@ pub(super) const MESH: Schema = Schema {
         (Use::NoEffect, &["inertia", "smoothnormal", "maxhullvert", "content_type", "material"]),
         (Use::Refused("move the mesh in its file, or the geom"), &["refpos", "refquat"]),
         (Use::Refused("write the mesh to a file"), &["builtin", "params"]),
+    ],
+};
+
+pub(super) const MATERIAL: Schema = Schema {
+    kind: "material",
+    groups: &[
+        (Use::Read, &["name", "class", "rgba"]),
+        (Use::NoEffect, &["texture", "texrepeat", "texuniform"]),
+        (Use::NoEffect, &["emission", "specular", "shininess", "reflectance", "metallic", "roughness"]),
     ],
 };
 

@@ -9,7 +9,7 @@ use roxmltree::Node;
 use super::attributes::{Attributes, Element, MAIN, named};
 use super::error::{MjcfError, MjcfProblem};
 use super::geoms::{Geoms, MeshAsset};
-use super::schema::{EXCLUDE, MESH, OPTION};
+use super::schema::{EXCLUDE, MATERIAL, MESH, OPTION};
 use crate::{Srdf, TriangleMesh};
 
 pub(super) fn check_options<'a, 'i>(
@@ -50,7 +50,14 @@ pub(super) fn read_assets<'a, 'i>(
     for node in section.children().filter(Node::is_element) {
         match node.tag_name().name() {
             "mesh" => {}
-            "texture" | "material" | "hfield" | "skin" | "model" => continue,
+            "material" => {
+                let material = geoms.attributes.element(node, MAIN, &MATERIAL)?;
+                let name = node.attribute("name").ok_or_else(|| material.missing("name"))?;
+                let rgba = material.numbers::<4>("rgba")?.unwrap_or([1.0; 4]);
+                geoms.materials.insert(name, rgba);
+                continue;
+            }
+            "texture" | "hfield" | "skin" | "model" => continue,
             name => {
                 let problem = MjcfProblem::Element(format!("{name}> of <asset"));
                 return Err(geoms.attributes.error(node, problem));

@@ -83,6 +83,7 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
         compiler: &compiler,
         shapes: ShapeSource::Collision,
         meshes: Default::default(),
+        materials: Default::default(),
     };
     let mut world = World::default();
     let mut states_gravity = false;

@@ -1,5 +1,7 @@
 //! One URDF joint into ours: limits, axis, passive dynamics.
 
+use core::f64::consts::TAU;
+
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 use urdf_rs::JointType;
 
@@ -89,6 +91,11 @@ pub(crate) fn limits(
         }
         if lower == upper {
             warnings.push(ModelWarning::EmptyRange { joint: name(), value: lower });
+        }
+        // Three turns are more than any cable takes; from two turns in degrees on, no limit may be meant.
+        let is_wide = upper - lower > 3.0 * TAU && lower.abs().max(upper.abs()) <= 720.0;
+        if kind == JointKind::Revolute && is_wide {
+            warnings.push(ModelWarning::ManyTurns { joint: name(), lower, upper });
         }
         (limits.lower, limits.upper) = (lower, upper);
     }

@@ -49,6 +49,19 @@ pub enum ModelWarning {
         /// The one position \[rad or m\].
         value: f64,
     },
+    /// A range of a joint that turns of several turns, as degrees give it.
+    #[error(
+        "joint \"{joint}\": limits {lower} to {upper} rad are {:.0} turns; URDF has radians: if these are degrees, write {:.4} \
+         to {:.4}", (.upper - .lower) / core::f64::consts::TAU, .lower.to_radians(), .upper.to_radians()
+    )]
+    ManyTurns {
+        /// Joint at fault.
+        joint: String,
+        /// Lower limit \[rad\].
+        lower: f64,
+        /// Upper limit \[rad\].
+        upper: f64,
+    },
     /// A limit of zero, often meant as "unknown".
     #[error(
         "joint \"{joint}\": {what} limit is 0, taken literally; leave it out or raise it if it means unknown"
@@ -177,6 +190,7 @@ impl ModelWarning {
             | Self::MissingMesh { link, .. } => ("link", link),
             Self::NoInertia { joint, .. }
             | Self::EmptyRange { joint, .. }
+            | Self::ManyTurns { joint, .. }
             | Self::ZeroLimit { joint, .. }
             | Self::NoEffortLimit { joint }
             | Self::AxisLength { joint, .. } => ("joint", joint),

@@ -10,8 +10,8 @@ use nalgebra::Isometry3;
 use super::hold::hold_joints;
 use crate::format::is_mjcf;
 use crate::{
-    Coordinate, Frame, Geometry, Inertia, JointKind, LinkColours, LoadOptions, Loaded, Model, Shape,
-    ShapeSource, TriangleMesh, parse_mjcf,
+    Coordinate, Frame, Geometry, Inertia, JointKind, LinkColours, LoadOptions, Loaded, MjcfRobot, Model,
+    Shape, ShapeSource, TriangleMesh, parse_mjcf,
 };
 
 /// A robot as URDF text.
@@ -40,13 +40,11 @@ const SAME: f64 = 1e-9;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn draw_as_urdf(model: &Model) -> DrawnRobot {
-    let mut writer = Writer {
-        model,
-        text: String::new(),
-        meshes: Vec::new(),
-        names: names(model),
-        colours: LinkColours::default(),
-    };
+    write(model, LinkColours::default())
+}
+
+fn write(model: &Model, colours: LinkColours) -> DrawnRobot {
+    let mut writer = Writer { model, text: String::new(), meshes: Vec::new(), names: names(model), colours };
     // Writing to a text cannot fail.
     let _ = writer.robot();
     DrawnRobot { text: writer.text, meshes: writer.meshes }
@@ -137,7 +135,8 @@ impl Writer<'_> {
         }
         for (place, shape) in shapes.iter().enumerate() {
             let Some(geometry) = self.geometry(&shape.geometry) else { continue };
-            let [r, g, b] = self.colours.of_shape(&shape.link, place, body);
+            let of_link = shapes[..place].iter().filter(|other| other.link == shape.link).count();
+            let [r, g, b] = self.colours.of_shape(&shape.link, of_link, body);
             let origin = origin(&(within * shape.placement));
             writeln!(
                 self.text,
@@ -279,12 +278,48 @@ impl Loaded {
             let written = text.map(|text| DrawnRobot { text, meshes: Vec::new() });
             return Ok(Some(written.unwrap_or_else(|| draw_as_urdf(&self.model))));
         }
-        let options = LoadOptions { shapes: ShapeSource::Visual, ..LoadOptions::default() };
         let held: Vec<(&str, f64)> = self.held.iter().map(|(name, held)| (name.as_str(), *held)).collect();
-        let seen = parse_mjcf(&text, self.path.as_deref(), &options).ok();
-        let seen = seen.and_then(|robot| robot.model.locked(&held).ok());
-        let seen = seen.filter(|model| model.joint_names() == self.model.joint_names());
-        Ok(Some(draw_as_urdf(seen.as_ref().unwrap_or(&self.model))))
+        let seen = self.with_shapes(&text, ShapeSource::Visual).and_then(|robot| {
+            let model = robot.model.locked(&held).ok()?;
+            (model.joint_names() == self.model.joint_names()).then_some((model, robot.colours))
+        });
+        Ok(Some(match seen {
+            Some((model, colours)) => write(&model, colours),
+            None => draw_as_urdf(&self.model),
+        }))
+    }
+
+    /// The colours of the links, as its file states them for their visuals. Of MJCF they are those of the geoms that its model has
+    /// where `shapes` are [`ShapeSource::Collision`], or of those that are seen where no such geom states one. None without a file.
+    ///
+    /// ```
+    /// use motorium_robots::{ShapeSource, load};
+    ///
+    /// let panda = load("panda", std::path::Path::new("."))?;
+    /// let colours = panda.link_colours(ShapeSource::Collision)?;
+    /// assert_eq!(colours.of_shape("panda_link0", 0, None).len(), 3);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read any more.
+    pub fn link_colours(&self, shapes: ShapeSource) -> io::Result<LinkColours> {
+        let Some(text) = self.text()? else { return Ok(LinkColours::default()) };
+        if !is_mjcf(&text) {
+            return Ok(LinkColours::of_urdf(&text));
+        }
+        let of = |shapes| self.with_shapes(&text, shapes).map(|robot| robot.colours).unwrap_or_default();
+        let seen = of(ShapeSource::Visual);
+        Ok(match shapes {
+            ShapeSource::Visual => seen,
+            ShapeSource::Collision => of(ShapeSource::Collision).or(seen),
+        })
+    }
+
+    /// The robot of its MJCF text with these shapes.
+    fn with_shapes(&self, text: &str, shapes: ShapeSource) -> Option<MjcfRobot> {
+        parse_mjcf(text, self.path.as_deref(), &LoadOptions { shapes, ..LoadOptions::default() }).ok()
     }
 
     /// True if its file is MJCF.

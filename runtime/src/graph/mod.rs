@@ -189,7 +189,9 @@ fn unreadable(path: &Path, error: &std::io::Error) -> GraphError {
     let diagnostic = report.error(format!("the graph file `{name}` cannot be read: {error}"));
     match file::near(path) {
         Some(near) => diagnostic.advise(format!("did you mean `{}`?", path.with_file_name(near).display())),
-        None => diagnostic.advise("name a graph file, such as `graphs/panda-reach.toml`"),
+        None => {
+            diagnostic.advise("name a graph file; `--example panda-reach` is one that comes with motorium")
+        }
     };
     GraphError::new(report.into_diagnostics())
 }

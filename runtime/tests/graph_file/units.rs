@@ -37,7 +37,7 @@ fn times_that_cannot_be_say_why() {
     for (text, reason) in [
         ("", "is empty"),
         ("10", "without a unit"),
-        ("s", "not a number"),
+        ("s", "does not begin with a number"),
         (".5 s", "not a number"),
         ("1e3 us", "unknown unit"),
         ("1.2.3 s", "not a number"),

@@ -36,7 +36,7 @@ pub(crate) struct Check {
     #[arg(long, value_enum, value_name = "FORMAT")]
     timeline: Option<Format>,
     /// Longest part of the hyperperiod to draw [default: 1 s]
-    #[arg(long, value_name = "TIME")]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     span: Option<TimeSpan>,
     /// File to write the timeline to; standard output if not given
     #[arg(long, short, requires = "timeline")]

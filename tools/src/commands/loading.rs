@@ -9,18 +9,20 @@ use motorium::worker::Registry;
 
 use super::examples;
 use crate::complete;
-use crate::failure::Failure;
+use crate::failure::{Failure, Kind};
 use crate::out::errln;
 
 /// The graph that runs when none is named.
 pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
-/// The same among the examples.
+/// The name that stands for standard input.
+pub(crate) const STDIN: &str = "-";
+/// The same as the default graph among the examples.
 const DEFAULT_EXAMPLE: &str = "panda-reach";
 
 /// Options that name a graph, and override its values.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct GraphArgs {
-    /// The graph file; graphs/panda-reach.toml if not given
+    /// The graph file, `-` for standard input; graphs/panda-reach.toml if not given
     #[arg(default_value = DEFAULT_GRAPH, hide_default_value = true, add = complete::graphs())]
     pub(crate) graph: PathBuf,
     /// A graph that comes with motorium: draw-letter, panda-reach, quadruped-trot or two-arms
@@ -64,6 +66,18 @@ impl GraphArgs {
             Some((name, text)) => {
                 let file = PathBuf::from(format!("{name}.toml"));
                 graph::check_with(&file, text.to_string(), &self.with, &self.set, registry, &machine)
+            }
+            None if self.graph == Path::new(STDIN) => {
+                match std::io::read_to_string(std::io::stdin().lock()) {
+                    // Paths in it are relative to the current folder.
+                    Ok(text) => {
+                        graph::check_with(Path::new("stdin"), text, &self.with, &self.set, registry, &machine)
+                    }
+                    Err(error) => {
+                        let words = format!("the graph on standard input cannot be read: {error}");
+                        return Err(Failure::new(Kind::Invalid, words).report());
+                    }
+                }
             }
             None => graph::load_with(&self.graph, &self.with, &self.set, registry, &machine),
         };

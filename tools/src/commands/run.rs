@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use anyhow::Context as _;
 use motorium::graph::Override;
 use motorium::launcher::{Event, Exit, Hosting, Options, Report};
+use motorium::os::machine::online_cores;
 use motorium::plan::{ClockKind, Expectation, Plan};
 use motorium::schedule::{self, RtLimit};
 use motorium::session::{Session, SessionError};
@@ -35,7 +36,7 @@ pub(crate) struct Run {
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     /// Duration of the run, such as `10s`; as the graph says, or until Ctrl-C, if not given
-    #[arg(long = "for", value_name = "DURATION")]
+    #[arg(long = "for", value_name = "DURATION", allow_hyphen_values = true)]
     duration: Option<TimeSpan>,
     /// The clock, `realtime` or `lockstep`: as the graph says if not given
     #[arg(long, value_enum, hide_possible_values = true)]
@@ -56,7 +57,7 @@ pub(crate) struct Run {
     #[arg(long, requires = "episodes")]
     vary_seed: bool,
     /// Simulated time per real time; as fast as the machine allows if not given
-    #[arg(long, value_name = "FACTOR")]
+    #[arg(long, value_name = "FACTOR", value_parser = pace)]
     pace: Option<f64>,
     /// Hold simulated time at the start, until `motorium step`
     #[arg(long)]
@@ -74,8 +75,8 @@ pub(crate) struct Run {
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
     /// With `--record`: keep the last moments, such as `30s`, and write them only if the run ends badly
-    #[arg(long, value_name = "TIME", requires = "record")]
-    record_last: Option<String>,
+    #[arg(long, value_name = "TIME", requires = "record", allow_hyphen_values = true)]
+    record_last: Option<TimeSpan>,
     /// Print the report as JSON on standard output
     #[arg(long)]
     json: bool,
@@ -85,6 +86,13 @@ pub(crate) struct Run {
     /// The file of a trace of every step, as `motorium trace` writes it.
     #[arg(skip)]
     trace: Option<PathBuf>,
+}
+
+fn pace(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
+        _ => Err("expected a number above 0: the seconds of simulated time in one of real time".to_string()),
+    }
 }
 
 /// Trace of a run for `motorium trace`.
@@ -146,8 +154,7 @@ impl Run {
         for expectation in &self.expect {
             set(&format!("expect.{}", expectation.figure), format!("{:?}", expectation.condition()));
         }
-        let recording =
-            self.record.as_ref().map(|output| Overlay::recording(output, self.record_last.as_deref()));
+        let recording = self.record.as_ref().map(|output| Overlay::recording(output, self.record_last));
         let recording = recording.transpose()?;
         self.graph.with.extend(recording.iter().map(|overlay| overlay.path().to_path_buf()));
         let registry = registry::registry();
@@ -155,6 +162,9 @@ impl Run {
             Ok(checked) => checked,
             Err(code) => return Ok(code),
         };
+        if let Some(code) = self.wrong_core(&checked.plan) {
+            return Ok(code);
+        }
         let known = overheads::load();
         let admission = schedule::admit(&checked.plan, &known.overheads, RtLimit::detect());
         if checked.plan.clock == ClockKind::Realtime && admission.refuses() {
@@ -260,6 +270,25 @@ impl Run {
             HostingChoice::Inline => Hosting::Inline,
         };
         Ok(Options { hosting, core: self.core, ..Options::processes(program) })
+    }
+
+    /// An exit code if `--core` names none of this machine, or the graph runs in real time, where it says its cores itself.
+    fn wrong_core(&self, plan: &Plan) -> Option<ExitCode> {
+        let core = self.core?;
+        let cores = online_cores();
+        let (found, help) = if plan.clock == ClockKind::Realtime {
+            let told = format!("`--core {core}` is for `--clock lockstep`, and this graph runs in real time");
+            (told, "the key `core` of a component is the core that it runs on".to_string())
+        } else if cores.contains(&core) {
+            return None;
+        } else {
+            let known: Vec<String> = cores.iter().map(usize::to_string).collect();
+            (
+                format!("`--core {core}` names no core of this machine"),
+                format!("its cores: {}", known.join(", ")),
+            )
+        };
+        Some(Failure::new(Kind::Usage, format!("{found}; {help}")).help(&help).report())
     }
 
     /// Checks whether the graph holds its times beside the runs that are alive; an exit code if it is not to be started.

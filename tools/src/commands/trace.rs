@@ -20,7 +20,7 @@ pub(crate) struct Trace {
     #[command(flatten)]
     graph: GraphArgs,
     /// Duration of the run, such as `2s`; as the graph says, or until Ctrl-C, if not given
-    #[arg(long = "for", value_name = "DURATION")]
+    #[arg(long = "for", value_name = "DURATION", allow_hyphen_values = true)]
     duration: Option<TimeSpan>,
     /// The clock, `realtime` or `lockstep`: as the graph says if not given
     #[arg(long, value_enum, hide_possible_values = true)]

@@ -11,6 +11,7 @@ use anyhow::Context as _;
 use motorium::graph::programs;
 use serde_json::json;
 
+use super::loading::STDIN;
 use crate::out::errln;
 use crate::runs::RunArg;
 use crate::{complete, overheads, registry, style};
@@ -84,6 +85,15 @@ fn program() -> anyhow::Result<PathBuf> {
 impl View {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         let began = SystemTime::now().duration_since(UNIX_EPOCH)?;
+        if let Some(path) = self.graph.as_deref() {
+            anyhow::ensure!(
+                path != Path::new(STDIN),
+                "the page starts a graph again and again, and standard input is read once: write it to a file"
+            );
+            if is_recording(path) {
+                File::open(path).with_context(|| path.display().to_string())?;
+            }
+        }
         let (sibling, program) = (registry::viewer(), program()?);
         if let Err(problem) = programs::kinds(&program) {
             errln!("{}: {problem}", style::error("error"));

@@ -58,7 +58,10 @@ impl Origin {
             LoadError::Urdf(error) => Self::of_urdf(error),
             LoadError::Mjcf(error) => Self::of_mjcf(error),
             LoadError::NotFound { path, nearest, reference } => {
-                Self { found: Some(reference.clone()), help: nearest.as_ref().map(help), ..Self::file(path) }
+                // A name with an ending is that of a file.
+                let invalid = Path::new(reference).extension().is_some();
+                let found = Some(reference.clone());
+                Self { invalid, found, help: nearest.as_ref().map(help), ..Self::file(path) }
             }
             LoadError::Setting(_) => Self { invalid: true, ..Self::default() },
             LoadError::NoUrdf(folder) | LoadError::SeveralUrdf { folder, .. } => Self::file(folder),

@@ -1,6 +1,6 @@
 //! Which of several runs is meant.
 
-use motorium::nearest::suggest;
+use motorium::nearest::{nearest, suggest};
 
 /// A run that could be meant.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -70,8 +70,15 @@ pub(super) fn choose(wanted: Option<&str>, candidates: &[Candidate]) -> Result<u
     let advice = match all.as_slice() {
         [] => "no graph is running; start one with `motorium run GRAPH.toml`".to_string(),
         all => {
-            let names = all.iter().flat_map(|candidate| [candidate.id.as_str(), candidate.graph.as_str()]);
-            suggest(wanted, names, "running are")
+            let ids = all.iter().map(|candidate| candidate.id.as_str());
+            let mut graphs: Vec<&str> = all.iter().map(|candidate| candidate.graph.as_str()).collect();
+            graphs.sort_unstable();
+            graphs.dedup();
+            // Several runs of a graph have one name.
+            match nearest(wanted, graphs.iter().copied()) {
+                Some(graph) => format!("did you mean `{graph}`?"),
+                None => suggest(wanted, ids, "running are"),
+            }
         }
     };
     Err(ChooseError::Unknown { wanted: wanted.to_string(), advice })
@@ -150,6 +157,9 @@ mod tests {
     fn an_unknown_name_gets_the_nearest_one() {
         let text = choose(Some("wlak"), &three()).unwrap_err().to_string();
         assert_eq!(text, "no run is called `wlak`; did you mean `walk`?");
+        let runs = [run("reach-1", "reach", true), run("reach-2", "reach", true)];
+        let text = choose(Some("nothing"), &runs).unwrap_err().to_string();
+        assert_eq!(text, "no run is called `nothing`; running are: `reach-1`, `reach-2`");
     }
 
     #[test]

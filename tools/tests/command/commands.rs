@@ -91,10 +91,12 @@ fn the_table_of_exit_codes_in_the_book_is_what_the_commands_end_with() {
     std::fs::write(&broken, "<robot name=\"x\"><link/></robot>").expect("written");
     let broken = broken.to_str().expect("a path of text");
     let overloaded = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");
-    let ends: [(&[&str], i32); 12] = [
+    let ends: [(&[&str], i32); 14] = [
         (&["robot", "list"], 0),
         (&["topic", "list", "--run", "no-such-run"], 1),
         (&["robot", "show", "no-such-robot"], 1),
+        (&["robot", "check", "no-such-file.urdf"], 3),
+        (&["run", "../graphs/panda-reach.toml", "--clock", "lockstep", "--core", "4096"], 2),
         (&["primitive", "show", "no-such-file.json"], 1),
         (&["library", "inspect", "no-such-file.library"], 1),
         (&["new", "My Arm"], 1),

@@ -1,7 +1,7 @@
 //! Mistakes of a first day: each ends in an error or a warning that names it.
 //!
 //! In graphs: a goal out of reach, a start out of limits, a wrong frame, no unit and a wrong one, numbers of another type and
-//! count, keys that are misspelt or missing. On the command line: a wrong option, a time without a unit. In robots: missing
+//! count, degrees, keys that are misspelt or missing. On the command line: a wrong option, a time without a unit; others are in `typed.rs`. In robots: missing
 //! meshes, xacro, nothing to collide with, settings that do not fit. In other files: a recording without a time, a number that
 //! is none, and one kind of file in place of another. A goal out of reach that is tried all the same is in `expect.rs`.
 
@@ -9,10 +9,10 @@ use std::path::Path;
 
 use crate::program::run;
 
-const REACH: &str = "../graphs/panda-reach.toml";
+pub(crate) const REACH: &str = "../graphs/panda-reach.toml";
 
 /// Exit code and standard error.
-fn tried(arguments: &[&str]) -> (Option<i32>, String) {
+pub(crate) fn tried(arguments: &[&str]) -> (Option<i32>, String) {
     let output = run(arguments);
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
@@ -30,6 +30,12 @@ fn a_graph_with_a_mistake_is_refused_with_the_value_and_what_to_try() {
             "physics.config.position=[9.0,0.0,0.0,-1.5,0.0,1.5,0.0,0.0]",
             &["joint `panda_joint1` starts at 9, outside its limits -2.8973 to 2.8973", "start it at 2.8973"],
         ),
+        // Degrees in place of radians.
+        (
+            "physics.config.position=[90.0,0.0,0.0,-1.5,0.0,1.5,0.0,0.0]",
+            &["joint `panda_joint1` starts at 90", "in rad: 90 degrees are 1.5708 rad"],
+        ),
+        ("robot.panda.start=[0.0,-45.0,0.0,-1.5,0.0,1.5,0.0,0.0]", &["-45 degrees are -0.7854 rad"]),
         ("physics.config.pose=hoem", &["no pose is named \"hoem\""]),
         // A frame that does not exist, and one that no joint moves.
         ("policy.config.frame=panda_hnad", &["did you mean \"panda_hand\"?"]),
@@ -92,15 +98,26 @@ fn a_wrong_option_is_told_with_the_one_that_was_meant() {
     );
 }
 
+#[test]
+fn limits_in_degrees_are_warned_of_with_the_radians_that_they_are() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [urdf, _] = bare_robot(folder.path());
+    let text = std::fs::read_to_string(&urdf).expect("it was written");
+    let text = text.replace("lower=\"-1\" upper=\"1\"", "lower=\"-90\" upper=\"180\"");
+    let (code, errors) = tried(&["robot", "check", &file(folder.path(), "degrees.urdf", &text)]);
+    let told = errors.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(code == Some(0) && told.contains("if these are degrees, write -1.5708 to 3.1416"), "{errors}");
+}
+
 /// Writes a file into a folder; its path.
-fn file(folder: &Path, name: &str, text: &str) -> String {
+pub(crate) fn file(folder: &Path, name: &str, text: &str) -> String {
     let path = folder.join(name);
     std::fs::write(&path, text).expect("the folder takes files");
     path.to_str().expect("a plain path").to_string()
 }
 
 /// A robot without shapes or a profile, above a table that stands beside nothing else.
-fn bare_robot(folder: &Path) -> [String; 2] {
+pub(crate) fn bare_robot(folder: &Path) -> [String; 2] {
     let urdf = r#"<robot name="bare"><link name="base"/><link name="arm"><inertial><mass value="1"/>
         <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
         <joint name="elbow" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>

@@ -18,6 +18,7 @@ mod robot_draw;
 mod robot_hulls;
 mod robot_profile;
 mod schemas;
+mod typed;
 
 /// The program under test.
 const MOTORIUM: &str = env!("CARGO_BIN_EXE_motorium");

@@ -97,6 +97,8 @@ impl Browser {
             .args(["--disable-accelerated-2d-canvas", "--disable-gpu-rasterization"])
             .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
             .args(["--no-default-browser-check", "--hide-scrollbars", "--disable-dev-shm-usage"])
+            // Pages of its own address bar, each a process that starts beside the one that is wanted.
+            .args(["--disable-extensions", "--disable-features=WebUIOmniboxPopup,WebUIOmniboxAimPopup"])
             .arg(format!("--user-data-dir={}", profile.display()))
             .arg(format!("--window-size={width},{height}"))
             .arg("about:blank")

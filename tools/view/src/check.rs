@@ -43,9 +43,10 @@ pub(crate) fn check(
     }
     let opened = Instant::now();
     let mut browser = Browser::open(address, SIZE)?;
-    let state = await_state(&mut browser, "no picture of a robot", PICTURE_WITHIN, over, |state| {
+    await_state(&mut browser, "no picture of a robot", (BEGUN, PICTURE_WITHIN), over, |state| {
         state["first_picture_ms"].is_number()
     })?;
+    let state = self::state(&mut browser, STATE)?;
     let on_page = opened.elapsed().as_secs_f64();
     match (began_ms, state["first_picture_ms"].as_f64()) {
         (Some(began), Some(first)) => {
@@ -63,11 +64,16 @@ pub(crate) fn check(
     let rate = pictures / (after.1 - before.1).as_secs_f64();
     println!("{rate:.1} pictures a second of {triangles} triangles by {}", renderer.as_str().unwrap_or("?"));
     // Joints and transforms come in two messages: now and then they are of one sample.
-    let state =
-        await_state(&mut browser, "joints and transforms of one sample", COMPARE_WITHIN, over, |state| {
+    let state = await_state(
+        &mut browser,
+        "joints and transforms of one sample",
+        (STATE, COMPARE_WITHIN),
+        over,
+        |state| {
             let mut robots = state["robots"].as_array().into_iter().flatten();
             robots.all(|robot| robot["deviation_m"].is_number())
-        })?;
+        },
+    )?;
     for robot in state["robots"].as_array().into_iter().flatten() {
         let deviation =
             robot["deviation_m"].as_f64().context("the links of a robot are not in the picture")?;
@@ -95,20 +101,24 @@ const RENDERER: &str = "(() => { const gl = document.createElement('canvas').get
                         const more = gl.getExtension('WEBGL_debug_renderer_info'); \
                         return gl.getParameter(more ? more.UNMASKED_RENDERER_WEBGL : gl.RENDERER); })()";
 
-fn state(browser: &mut Browser) -> anyhow::Result<Json> {
-    Ok(browser.evaluate("globalThis.motorium ? motorium.state() : null")?)
+/// Expressions for what the page shows, and for the little of it that a page which still starts is asked for.
+const STATE: &str = "globalThis.motorium ? motorium.state() : null";
+const BEGUN: &str = "globalThis.motorium ? motorium.begun() : null";
+
+fn state(browser: &mut Browser, expression: &str) -> anyhow::Result<Json> {
+    Ok(browser.evaluate(expression)?)
 }
 
 fn await_state(
     browser: &mut Browser,
     what: &str,
-    within: Duration,
+    (expression, within): (&str, Duration),
     over: &AtomicBool,
     is_so: impl Fn(&Json) -> bool,
 ) -> anyhow::Result<Json> {
     let began = Instant::now();
     loop {
-        let state = self::state(browser)?;
+        let state = self::state(browser, expression)?;
         if is_so(&state) {
             return Ok(state);
         }
@@ -140,7 +150,7 @@ fn compare(browser: &mut Browser, state: &Json, over: &AtomicBool) -> anyhow::Re
         let (seen, reader) = read(folder.clone(), topic.clone(), done.clone());
         let (began, mut equal, mut last) = (Instant::now(), Vec::new(), 0);
         while equal.len() < SAMPLES {
-            let shown = self::state(browser)?;
+            let shown = self::state(browser, STATE)?;
             let found =
                 shown["robots"].as_array().and_then(|all| all.iter().find(|it| it["name"] == robot["name"]));
             let found = found.context("the robot is no longer on the page")?;

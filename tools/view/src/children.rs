@@ -12,6 +12,11 @@ use rustix::process::{Pid, Signal, kill_process};
 /// Time that a run may take to end before it is left alone with its guard.
 const END_WITHIN: Duration = Duration::from_secs(15);
 
+/// A graph that ended before it ran: `motorium run` has said why.
+#[derive(Debug, thiserror::Error)]
+#[error("`motorium run` ended with {0} before its graph ran")]
+pub(crate) struct NeverRan(pub(crate) ExitStatus);
+
 /// A graph that the viewer has started.
 #[derive(Debug)]
 pub(crate) struct Started(Child);

@@ -169,7 +169,7 @@ impl<'r> Messages<'r> {
 
     fn damaged(&self, topic: &str, source: DerivedError) -> ReadError {
         let path = self.recording.path().to_path_buf();
-        ReadError::Message { path, topic: topic.to_string(), source: Box::new(source) }
+        ReadError::Message { path, topic: topic.to_string(), reason: Box::new(source) }
     }
 }
 

@@ -92,34 +92,34 @@ fn told(error: &McapError) -> String {
     }
 }
 
-/// The error of reading a recording.
+/// The error of reading a recording. Its words hold those of its reason, which is therefore not its source as well.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The file cannot be read.
-    #[error("{path}: {source}", path = .path.display())]
+    #[error("{path}: {reason}", path = .path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// The error of the system.
-        source: std::io::Error,
+        reason: std::io::Error,
     },
     /// The file is no MCAP file, or damaged.
-    #[error("{path}: {}", told(.source), path = .path.display())]
+    #[error("{path}: {}", told(.reason), path = .path.display())]
     Format {
         /// The file.
         path: PathBuf,
         /// The error of the format.
-        source: Box<McapError>,
+        reason: Box<McapError>,
     },
     /// A message that cannot be read.
-    #[error("{path}: topic `{topic}`: {source}", path = .path.display())]
+    #[error("{path}: topic `{topic}`: {reason}", path = .path.display())]
     Message {
         /// The file.
         path: PathBuf,
         /// The topic.
         topic: String,
         /// The error.
-        source: Box<DerivedError>,
+        reason: Box<DerivedError>,
     },
     /// The recording does not hold what was asked for.
     #[error("{path}: {reason}", path = .path.display())]
@@ -145,9 +145,14 @@ impl Recording {
     /// # Errors
     /// The file cannot be read, or is no recording.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let io = |source| ReadError::Io { path: path.to_path_buf(), source };
+        let io = |reason| ReadError::Io { path: path.to_path_buf(), reason };
         let file = File::open(path).map_err(io)?;
-        if file.metadata().map_err(io)?.len() == 0 {
+        let metadata = file.metadata().map_err(io)?;
+        if !metadata.is_file() {
+            let what = if metadata.is_dir() { "it is a folder" } else { "it is a device or a pipe" };
+            return Err(io(std::io::Error::other(format!("{what}, expected the file of a recording"))));
+        }
+        if metadata.len() == 0 {
             let reason = "it is empty".to_string();
             return Err(ReadError::Foreign { path: path.to_path_buf(), reason });
         }
@@ -169,7 +174,7 @@ impl Recording {
     }
 
     fn format(&self, source: McapError) -> ReadError {
-        ReadError::Format { path: self.path.clone(), source: Box::new(source) }
+        ReadError::Format { path: self.path.clone(), reason: Box::new(source) }
     }
 
     pub(super) fn records(&self) -> Result<ChunkFlattener<'_>, ReadError> {

@@ -35,11 +35,11 @@ pub struct Recovered {
 pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     let format = |path: &Path| {
         let path = path.to_path_buf();
-        move |source| ReadError::Format { path, source: Box::new(source) }
+        move |reason| ReadError::Format { path, reason: Box::new(reason) }
     };
     let io = |path: &Path| {
         let path = path.to_path_buf();
-        move |source| ReadError::Io { path, source }
+        move |reason| ReadError::Io { path, reason }
     };
     let source = std::fs::read(torn).map_err(io(torn))?;
     let mut records = ChunkFlattener::new_with_options(&source, Options::IgnoreEndMagic.into())

@@ -109,6 +109,30 @@ pub enum SignalsError {
         /// The one that was probably meant, or all.
         advice: String,
     },
+    /// No sample has so many entries.
+    #[error(
+        "`{name}` has {} in this recording, found {}..{}; entries are counted from 0, and the end is not one of them",
+        counted(*.most), .entries.start, .entries.end
+    )]
+    NoEntry {
+        /// The topic and the field.
+        name: String,
+        /// The most entries of a sample.
+        most: usize,
+        /// The entries that were asked for.
+        entries: Range<usize>,
+    },
+    /// The recording has no sample of a topic.
+    #[error("the recording has no sample of topic `{0}`")]
+    NoSample(String),
+}
+
+fn counted(entries: usize) -> String {
+    match entries {
+        0 => "no entries".to_string(),
+        1 => "one entry".to_string(),
+        many => format!("{many} entries"),
+    }
 }
 
 /// A number as a floating-point number.
@@ -124,7 +148,7 @@ pub(super) fn as_f64(number: Number) -> f64 {
 /// The curves of signals, in their order; an array is a curve for each entry.
 ///
 /// # Errors
-/// The recording has no such topic or field, or cannot be read.
+/// The recording has no such topic, field or entries, or no sample of them, or cannot be read.
 pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, SignalsError> {
     let mut wanted = Vec::new();
     for signal in signals {
@@ -143,20 +167,21 @@ pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, S
             let advice = suggest(&field, names(), "its fields are");
             return Err(SignalsError::NoField { topic, field, advice });
         }
-        wanted.push((signal, index, Decoder::new(layout)?, Vec::<Curve>::new()));
+        wanted.push((signal, index, Decoder::new(layout)?, Vec::<Curve>::new(), None));
     }
     let mut begin_ns = None;
     for sample in recording.samples() {
         let sample = sample?;
         let begin_ns = *begin_ns.get_or_insert(sample.time_ns);
         let time = (sample.time_ns as f64 - begin_ns as f64) * 1e-9;
-        for (signal, _, decoder, curves) in wanted.iter_mut().filter(|(_, index, ..)| *index == sample.topic)
-        {
+        let of_topic = wanted.iter_mut().filter(|(_, index, ..)| *index == sample.topic);
+        for (signal, _, decoder, curves, most) in of_topic {
             for (field, value) in &decoder.decode(&sample.bytes)?.0 {
                 if signal.field.as_deref().is_some_and(|wanted| wanted != *field) {
                     continue;
                 }
                 let many = matches!(value, FieldValue::Many(_));
+                *most = (*most).max(Some(value.numbers().len()));
                 for (entry, number) in value.numbers().iter().enumerate() {
                     if many && signal.entries.as_ref().is_some_and(|entries| !entries.contains(&entry)) {
                         continue;
@@ -175,7 +200,17 @@ pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, S
             }
         }
     }
-    Ok(wanted.into_iter().flat_map(|(.., curves)| curves).collect())
+    for (signal, _, _, _, most) in &wanted {
+        match (most, &signal.entries, &signal.field) {
+            (None, ..) => return Err(SignalsError::NoSample(signal.topic.clone())),
+            (Some(most), Some(entries), Some(field)) if entries.end > *most => {
+                let name = format!("{}.{field}", signal.topic);
+                return Err(SignalsError::NoEntry { name, most: *most, entries: entries.clone() });
+            }
+            _ => {}
+        }
+    }
+    Ok(wanted.into_iter().flat_map(|(_, _, _, curves, _)| curves).collect())
 }
 
 impl Curve {

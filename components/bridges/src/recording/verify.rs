@@ -251,7 +251,7 @@ fn compare(
             let topic = topic.name.clone();
             // What was encoded just now can be decoded.
             let (stamp, bytes) =
-                now.map_err(|error| ReadError::Message { path: "".into(), topic, source: Box::new(error) })?;
+                now.map_err(|error| ReadError::Message { path: "".into(), topic, reason: Box::new(error) })?;
             if !recorded.fill(compared, index)? {
                 // The recording ends here, as one that was interrupted does.
                 continue;

@@ -226,12 +226,14 @@ impl PhysicsConfig {
         let key = if self.position.is_some() { "position" } else { "pose" };
         let model = &robot.model;
         let limits = model.lower().iter().zip(model.upper().iter());
-        for ((name, position), (lower, upper)) in model.joint_names().iter().zip(&start).zip(limits) {
+        let joints = model.joint_names().iter().zip(&start).zip(limits);
+        for (index, ((name, position), (lower, upper))) in joints.enumerate() {
             // Written numbers are rounded.
             if *position < lower - LIMIT_ROUNDING || *position > upper + LIMIT_ROUNDING {
                 let message =
                     format!("joint `{name}` starts at {position}, outside its limits {lower} to {upper}");
-                let advice = format!("start it at {}", position.clamp(*lower, *upper));
+                let nearest = format!("start it at {}", position.clamp(*lower, *upper));
+                let advice = model.degrees_advice(index, *position).unwrap_or(nearest);
                 return Err(ConfigError::key(key, message).advise(advice));
             }
         }

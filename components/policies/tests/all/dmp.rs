@@ -233,7 +233,10 @@ fn configurations_that_cannot_be_are_refused_with_their_key() {
     let hasty = serde_json::json!({ "offset": [0, 0, 0], "duration": "1 us" });
     assert_eq!(
         one(hasty),
-        (Some("goals[0].duration".into()), "goal 0 is to be reached in 1µs, expected at least 1 ms".into())
+        (
+            Some("goals[0].duration".into()),
+            "goal 0 is to be reached in 0.000001 s, expected at least 0.001 s".into()
+        )
     );
     let quaternion =
         serde_json::json!({ "offset": [0, 0, 0], "orientation": [1, 1, 0, 0], "duration": "1 s" });

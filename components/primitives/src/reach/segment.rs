@@ -46,7 +46,7 @@ pub enum ReachError {
         segment: usize,
     },
     /// Too little time.
-    #[error("goal {segment} is to be reached in {found:?}, expected at least 1 ms")]
+    #[error("goal {segment} is to be reached in {} s, expected at least 0.001 s", .found.as_secs_f64())]
     Duration {
         /// Index, counted from 0.
         segment: usize,

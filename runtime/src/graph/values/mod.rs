@@ -188,7 +188,7 @@ read_unit!(
     "a time with its unit",
     "give it its unit: \"{number} us\", \"{number} ms\" or \"{number} s\""
 );
-read_unit!(Rate, "a rate with its unit", "give it its unit: \"{number} Hz\" or \"{number} kHz\"");
+read_unit!(Rate, "a rate with its unit", "give it its unit: \"{number} Hz\"");
 
 impl<'i> Read<'i> for bool {
     fn read(key: &str, value: &Value<'i>, report: &mut Report) -> Option<Self> {

@@ -38,7 +38,7 @@ pub(crate) struct Recording {
     #[arg(long, short = 'n', default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     turns: u32,
     /// Duration of each run
-    #[arg(long = "for", value_name = "TIME", default_value = "4 s")]
+    #[arg(long = "for", value_name = "TIME", default_value = "4 s", allow_hyphen_values = true)]
     duration: TimeSpan,
     /// Also look at the runs that are recorded, at everything, through `motorium view`
     #[arg(long)]

@@ -35,7 +35,7 @@ pub(crate) struct Calibrate {
     #[command(flatten)]
     graph: GraphArgs,
     /// Duration of the run
-    #[arg(long = "for", value_name = "DURATION", default_value = "10 s")]
+    #[arg(long = "for", value_name = "DURATION", default_value = "10 s", allow_hyphen_values = true)]
     duration: TimeSpan,
     /// Execution time that a budget covers
     #[arg(long, value_enum, default_value = "p999")]

@@ -31,7 +31,7 @@ pub(super) struct Calibrate {
     #[arg(long, value_name = "COMPONENT")]
     adapter: Option<String>,
     /// Duration of measuring
-    #[arg(long = "for", value_name = "TIME", default_value = "1s")]
+    #[arg(long = "for", value_name = "TIME", default_value = "1s", allow_hyphen_values = true)]
     time: TimeSpan,
     /// Print JSON
     #[arg(long)]

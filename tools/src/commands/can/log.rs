@@ -32,7 +32,7 @@ pub(super) struct Log {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["interfaces", "time", "output"])]
     read: Option<PathBuf>,
     /// Duration; until Ctrl-C if not given
-    #[arg(long = "for", value_name = "TIME")]
+    #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     time: Option<TimeSpan>,
     /// End after so many frames
     #[arg(long, value_name = "N")]

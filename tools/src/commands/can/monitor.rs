@@ -32,10 +32,10 @@ pub(super) struct Monitor {
     #[arg(long, value_name = "BITS", requires = "bitrate")]
     data_bitrate: Option<u32>,
     /// Time between two tables
-    #[arg(long, value_name = "TIME", default_value = "1s")]
+    #[arg(long, value_name = "TIME", default_value = "1s", allow_hyphen_values = true)]
     interval: TimeSpan,
     /// Duration; until Ctrl-C if not given
-    #[arg(long = "for", value_name = "TIME")]
+    #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     time: Option<TimeSpan>,
     /// Print each table as a line of JSON
     #[arg(long)]

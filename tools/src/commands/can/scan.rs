@@ -39,7 +39,7 @@ pub(super) struct Scan {
     #[arg(long, value_delimiter = ',')]
     speed: Vec<u32>,
     /// Duration of listening
-    #[arg(long = "for", value_name = "TIME", default_value = "1s")]
+    #[arg(long = "for", value_name = "TIME", default_value = "1s", allow_hyphen_values = true)]
     time: TimeSpan,
     /// Print JSON
     #[arg(long)]

@@ -33,7 +33,7 @@ pub(super) struct Send {
     #[arg(long, value_name = "FILE", conflicts_with = "frames")]
     log: Option<PathBuf>,
     /// Send them all once more after this time, until Ctrl-C or as often as `--count` says
-    #[arg(long, value_name = "TIME", conflicts_with = "log")]
+    #[arg(long, value_name = "TIME", conflicts_with = "log", allow_hyphen_values = true)]
     every: Option<TimeSpan>,
     /// Number of times
     #[arg(long, value_name = "N", requires = "every")]

@@ -31,7 +31,7 @@ use leftovers::Leftovers;
 #[derive(Debug, clap::Args)]
 pub(crate) struct Doctor {
     /// Duration of the measurement of wake-ups; "0 s" leaves it out
-    #[arg(long, value_name = "TIME", default_value = "5s")]
+    #[arg(long, value_name = "TIME", default_value = "5s", allow_hyphen_values = true)]
     measure: TimeSpan,
     /// Remove what ended runs have left in shared memory
     #[arg(long)]

@@ -75,7 +75,14 @@ impl Kinds {
 
 fn find<'k, 'a>(name: &str, kinds: &'k [KindSource<'a>]) -> anyhow::Result<&'k KindSource<'a>> {
     kinds.iter().find(|kind| kind.name() == name).ok_or_else(|| {
-        let advice = suggest(name, kinds.iter().map(KindSource::name), "there are");
+        // The first part of a name stands for the kinds that begin with it.
+        let begins = |kind: &&str| kind.split('.').next() == Some(name);
+        let family: Vec<String> =
+            kinds.iter().map(KindSource::name).filter(begins).map(|kind| format!("`{kind}`")).collect();
+        let advice = match family.as_slice() {
+            [] => suggest(name, kinds.iter().map(KindSource::name), "there are"),
+            family => format!("there are {}", family.join(", ")),
+        };
         anyhow::anyhow!("no kind is called `{name}`; {advice}")
     })
 }

@@ -101,6 +101,10 @@ impl Export {
         if let Some(unknown) = chosen.unmatched(&names) {
             anyhow::bail!("the recording has no topic `{unknown}`; its topics are {}", names.join(", "));
         }
+        if names.is_empty() {
+            anyhow::bail!("{}: the recording has no topics to write", self.file.display());
+        }
+        refuse_file(folder)?;
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
         let extension = if self.format == Format::Parquet { "parquet" } else { "csv" };
         for (index, name) in names.iter().enumerate().filter(|(_, name)| chosen.includes(name)) {
@@ -158,9 +162,23 @@ impl Export {
             names,
         };
         let counts = write_lerobot(recording, &dataset, folder)?;
-        outln!("{}: {} frames in {} episodes", folder.display(), counts.frames, counts.episodes);
+        let episodes = if counts.episodes == 1 { "episode" } else { "episodes" };
+        outln!("{}: {} frames in {} {episodes}", folder.display(), counts.frames, counts.episodes);
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// Refuses the name of a table in place of that of a folder: each topic is a table of its own.
+fn refuse_file(folder: &Path) -> anyhow::Result<()> {
+    let extension = folder.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    let is_table = ["csv", "parquet"].iter().any(|known| extension.eq_ignore_ascii_case(known));
+    anyhow::ensure!(
+        folder.is_dir() || !(is_table || folder.exists()),
+        "`--output {}` is the name of a file, expected that of a folder: each topic becomes a file of it, in the format that \
+         `--format csv` or `--format parquet` says",
+        folder.display()
+    );
+    Ok(())
 }
 
 /// The names of the numbers of signals: those of joints, where all signals are one field of a topic of joints each.

@@ -7,9 +7,14 @@ mod recover;
 mod replay;
 mod score;
 
+use std::fs::OpenOptions;
+use std::io::Write as _;
+use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
+use motorium::os::random_bytes;
+use motorium::units::TimeSpan;
 
 pub(super) use export::Export;
 pub(super) use page::Report;
@@ -28,14 +33,19 @@ pub(super) struct Overlay(PathBuf);
 
 impl Overlay {
     /// Writes the file.
-    pub(super) fn recording(output: &Path, last: Option<&str>) -> anyhow::Result<Self> {
+    pub(super) fn recording(output: &Path, last: Option<TimeSpan>) -> anyhow::Result<Self> {
+        anyhow::ensure!(
+            !output.is_dir(),
+            "{} is a folder, expected the file of a recording",
+            output.display()
+        );
         let absolute = |path: &Path| -> anyhow::Result<toml::Value> {
             let path = std::path::absolute(path).with_context(|| format!("finding {}", path.display()))?;
             Ok(path.to_str().context("the name of the recording is not UTF-8")?.into())
         };
         let mut config = toml::Table::from_iter([("output".to_string(), absolute(output)?)]);
         if let Some(last) = last {
-            config.insert("last".to_string(), last.into());
+            config.insert("last".to_string(), last.to_string().into());
         }
         if let Some(calibration) = overheads::file().filter(|file| file.exists()) {
             config.insert("attach".to_string(), vec![absolute(&calibration)?].into());
@@ -45,9 +55,14 @@ impl Overlay {
             "[component.{RECORDER}]\nkind = \"log.record\"\nrate = \"10 Hz\"\nschedule = \"normal\"\n\
              on_failure = \"ignore\"\n\n[component.{RECORDER}.config]\n{config}"
         );
-        let path = std::env::temp_dir().join(format!("motorium-record-{}.toml", std::process::id()));
-        std::fs::write(&path, text).with_context(|| format!("writing {}", path.display()))?;
-        Ok(Self(path))
+        // A name that nobody can guess, of a file that was not there: others write into this folder, too.
+        let name: String = random_bytes::<8>()?.iter().map(|byte| format!("{byte:02x}")).collect();
+        let path = std::env::temp_dir().join(format!("motorium-record-{name}.toml"));
+        let file = OpenOptions::new().write(true).create_new(true).mode(0o600).open(&path);
+        let this = Self(path);
+        file.and_then(|mut file| file.write_all(text.as_bytes()))
+            .with_context(|| format!("writing {}", this.0.display()))?;
+        Ok(this)
     }
 
     /// The file.

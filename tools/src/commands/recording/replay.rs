@@ -52,10 +52,22 @@ pub(crate) struct Replay {
     #[arg(long, conflicts_with_all = ["speed", "paused", "verify"])]
     realtime: bool,
     /// Time in which a robot that runs itself comes to the first recorded pose; `"0 s"` for none
-    #[arg(long, value_name = "TIME", default_value = "3 s", conflicts_with = "verify")]
+    #[arg(
+        long,
+        value_name = "TIME",
+        default_value = "3 s",
+        conflicts_with = "verify",
+        allow_hyphen_values = true
+    )]
     ease_in: TimeSpan,
     /// Time in which it comes to rest behind the last command
-    #[arg(long, value_name = "TIME", default_value = "500 ms", conflicts_with = "verify")]
+    #[arg(
+        long,
+        value_name = "TIME",
+        default_value = "500 ms",
+        conflicts_with = "verify",
+        allow_hyphen_values = true
+    )]
     ramp_down: TimeSpan,
     /// Print the report as JSON on standard output
     #[arg(long)]

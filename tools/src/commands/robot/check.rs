@@ -82,11 +82,12 @@ fn print(robot: &Loaded, asked: &str) {
 /// The robot in a line.
 fn summary(model: &Model) -> String {
     format!(
-        "robot `{}`, {} base, {} links, {} joints, {} kg",
+        "robot `{}`, {} base, {} links, {} {}, {} kg",
         model.name(),
         facts::base(model),
         model.frames().len(),
         model.joint_count(),
+        if model.joint_count() == 1 { "joint" } else { "joints" },
         short(model.mass())
     )
 }

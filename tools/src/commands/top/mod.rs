@@ -41,7 +41,7 @@ pub(crate) struct Top {
     #[arg(long = "run", value_name = "ID", conflicts_with = "name", add = crate::complete::runs())]
     run: Option<String>,
     /// Time between two readings
-    #[arg(long, value_name = "TIME", default_value = "1s")]
+    #[arg(long, value_name = "TIME", default_value = "1s", allow_hyphen_values = true)]
     interval: TimeSpan,
     /// Times and counts of the last interval instead of the whole run
     #[arg(long)]

@@ -29,7 +29,7 @@ pub(super) struct Hz {
     #[command(flatten)]
     run: RunArg,
     /// Duration of the measurement
-    #[arg(long = "for", value_name = "TIME", default_value = "2s")]
+    #[arg(long = "for", value_name = "TIME", default_value = "2s", allow_hyphen_values = true)]
     time: TimeSpan,
     /// Print JSON
     #[arg(long)]

@@ -28,7 +28,7 @@ pub(super) struct Info {
     #[command(flatten)]
     run: RunArg,
     /// Time over which to measure the rate
-    #[arg(long = "for", value_name = "TIME", default_value = "500ms")]
+    #[arg(long = "for", value_name = "TIME", default_value = "500ms", allow_hyphen_values = true)]
     time: TimeSpan,
     /// Print JSON
     #[arg(long)]

@@ -22,7 +22,7 @@ pub(super) struct List {
     #[command(flatten)]
     run: RunArg,
     /// Time over which to measure the rates
-    #[arg(long = "for", value_name = "TIME", default_value = "500ms")]
+    #[arg(long = "for", value_name = "TIME", default_value = "500ms", allow_hyphen_values = true)]
     time: TimeSpan,
     /// Print JSON
     #[arg(long)]

@@ -40,7 +40,7 @@ pub(super) struct Pub {
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
     /// Time for which to publish
-    #[arg(long = "for", value_name = "TIME", requires = "rate")]
+    #[arg(long = "for", value_name = "TIME", requires = "rate", allow_hyphen_values = true)]
     time: Option<TimeSpan>,
 }
 

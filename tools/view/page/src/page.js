@@ -197,6 +197,8 @@ showRun();
 
 /** What the page shows, for programs that look at it. */
 globalThis.motorium = {
+  /** The run, and the time of the first picture of the robots, ms since 1970: the rest is work for a page that still starts. */
+  begun: () => ({ run, first_picture_ms: first ?? null }),
   state: () => ({
     connected: connection.connected,
     run,

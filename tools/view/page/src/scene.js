@@ -64,13 +64,20 @@ function dispose(object) {
   });
 }
 
-/** True if the processor draws: smooth edges would cost most of its time. */
-function isSoftware() {
-  const gl = document.createElement("canvas").getContext("webgl2");
+/** A canvas and its context: with smooth edges, unless the processor draws, where they would cost most of its time. */
+function drawing() {
+  const made = (antialias) => {
+    const canvas = document.createElement("canvas");
+    return { canvas, context: canvas.getContext("webgl2", { alpha: true, stencil: false, antialias }) };
+  };
+  const plain = made(false);
+  const gl = plain.context;
   const more = gl?.getExtension("WEBGL_debug_renderer_info");
   const name = gl ? gl.getParameter(more ? more.UNMASKED_RENDERER_WEBGL : gl.RENDERER) : "";
+  // The first context of a page takes a tenth of a second of a processor that draws: it is kept.
+  if (/swiftshader|llvmpipe|softpipe/i.test(name)) return plain;
   gl?.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|softpipe/i.test(name);
+  return made(true);
 }
 
 export class View {
@@ -79,7 +86,7 @@ export class View {
 
   constructor(element) {
     this.element = element;
-    this.renderer = new WebGLRenderer({ antialias: !isSoftware() });
+    this.renderer = new WebGLRenderer(drawing());
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     element.append(this.renderer.domElement);
     this.scene = new Scene();

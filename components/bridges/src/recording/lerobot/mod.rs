@@ -6,7 +6,7 @@
 //! | `meta/info.json` | version, rate, counts, features with the names of their numbers |
 //! | `meta/stats.json` | least, greatest, mean, standard deviation, quantiles and count of each feature |
 //! | `meta/tasks.parquet` | the task in words |
-//! | `meta/episodes/chunk-000/file-000.parquet` | first frame, end and length of each episode |
+//! | `meta/episodes/chunk-000/file-000.parquet` | first frame, end, length and statistics of each episode; those of pictures stand for the whole in `stats.json` |
 //!
 //! <https://huggingface.co/docs/lerobot/lerobot-dataset-v3>
 
@@ -167,14 +167,15 @@ pub fn write_lerobot(
     let groups =
         lengths.iter().flat_map(|length| (0..*length).step_by(most).map(move |at| (length - at).min(most)));
     table(folder, DATA, &columns, &groups.collect::<Vec<_>>(), &[])?;
-    table(folder, EPISODES, &episodes(lengths, &dataset.task), &[lengths.len()], &[])?;
+    let of_episodes = [episodes(lengths, &dataset.task), stats_of_episodes(&columns, lengths)].concat();
+    table(folder, EPISODES, &of_episodes, &[lengths.len()], &[])?;
     let tasks = [
         Column { name: "task_index".to_string(), values: Values::Int64(vec![0]) },
         Column { name: "task".to_string(), values: Values::Text(vec![dataset.task.clone()]) },
     ];
     table(folder, TASKS, &tasks, &[1], &[("pandas", index_of_tasks().to_string())])?;
-    let numbers = columns.iter().filter(|column| !matches!(column.values, Values::Group(_)));
-    let stats = numbers.map(|column| (column.name.clone(), Stats::of(&column.values).json()));
+    let stats =
+        numbers(&columns).map(|column| (column.name.clone(), Stats::of(&column.values, 0..total).json()));
     let of_pictures = frames.pictures.iter().map(|pictures| (pictures.feature(), pictures.stats()));
     let stats: serde_json::Map<String, Value> = stats.chain(of_pictures).collect();
     text(folder, "meta/stats.json", &Value::Object(stats))?;
@@ -245,6 +246,36 @@ fn episodes(lengths: &[usize], task: &str) -> Vec<Column> {
         column("meta/episodes/chunk_index", zeros()),
         column("meta/episodes/file_index", zeros()),
     ]
+}
+
+/// The columns that are no pictures.
+fn numbers(columns: &[Column]) -> impl Iterator<Item = &Column> {
+    columns.iter().filter(|column| !matches!(column.values, Values::Group(_)))
+}
+
+/// The statistics of each episode, in a column for each statistic of each feature.
+fn stats_of_episodes(columns: &[Column], lengths: &[usize]) -> Vec<Column> {
+    let mut made = Vec::new();
+    for column in numbers(columns) {
+        let mut begin = 0;
+        let of_episode = |length: &usize| {
+            begin += length;
+            Stats::of(&column.values, begin - length..begin)
+        };
+        let stats: Vec<Stats> = lengths.iter().map(of_episode).collect();
+        let mut add = |name: &str, entries: Values| {
+            let lengths = vec![entries.len() / stats.len().max(1); stats.len()];
+            let values = Values::List { lengths, entries: Box::new(entries) };
+            made.push(Column { name: format!("stats/{}/{name}", column.name), values });
+        };
+        let named: Vec<_> = stats.iter().map(Stats::named).collect();
+        let names = named.first().into_iter().flatten().map(|(name, _)| *name);
+        for (place, name) in names.enumerate() {
+            add(name, Values::Double(named.iter().flat_map(|of| of[place].1.clone()).collect()));
+        }
+        add("count", Values::Int64(stats.iter().map(|stats| stats.count() as i64).collect()));
+    }
+    made
 }
 
 /// Metadata by which pandas takes the words of a task for the index of the table, in which LeRobot looks them up.

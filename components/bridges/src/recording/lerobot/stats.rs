@@ -1,5 +1,7 @@
 //! The statistics of a column, by which policies normalise what they see and give.
 
+use std::ops::Range;
+
 use serde_json::{Value, json};
 
 use crate::parquet::Values;
@@ -17,30 +19,39 @@ pub(super) struct Stats {
 }
 
 impl Stats {
-    pub(super) fn of(values: &Values) -> Self {
-        let rows = values.len();
+    /// Those of some rows of a column.
+    pub(super) fn of(values: &Values, rows: Range<usize>) -> Self {
         let flat = numbers(values);
-        let width = flat.len().checked_div(rows).unwrap_or(0);
+        let width = flat.len().checked_div(values.len()).unwrap_or(0);
+        let flat = &flat[rows.start * width..rows.end * width];
         let mut rising: Vec<Vec<f64>> =
             (0..width).map(|entry| flat.iter().skip(entry).step_by(width).copied().collect()).collect();
         rising.iter_mut().for_each(|values| values.sort_by(f64::total_cmp));
-        Self { rows, rising }
+        Self { rows: rows.len(), rising }
+    }
+
+    /// Number of rows.
+    pub(super) fn count(&self) -> usize {
+        self.rows
+    }
+
+    /// Each of the statistics by its name: a value for each number of the column.
+    pub(super) fn named(&self) -> Vec<(&'static str, Vec<f64>)> {
+        let each =
+            |of: &dyn Fn(&[f64]) -> f64| self.rising.iter().map(|values| of(values)).collect::<Vec<f64>>();
+        let mut named = vec![
+            ("min", each(&|values| values.first().copied().unwrap_or(0.0))),
+            ("max", each(&|values| values.last().copied().unwrap_or(0.0))),
+            ("mean", each(&mean)),
+            ("std", each(&deviation)),
+        ];
+        named.extend(QUANTILES.map(|(name, part)| (name, each(&|values| quantile(values, part)))));
+        named
     }
 
     pub(super) fn json(&self) -> Value {
-        let each =
-            |of: &dyn Fn(&[f64]) -> f64| self.rising.iter().map(|values| of(values)).collect::<Vec<f64>>();
-        let mut stats = serde_json::Map::new();
-        let mut add = |name: &str, values: Vec<f64>| stats.insert(name.to_string(), json!(values));
-        add("min", each(&|values| values.first().copied().unwrap_or(0.0)));
-        add("max", each(&|values| values.last().copied().unwrap_or(0.0)));
-        add("mean", each(&mean));
-        add("std", each(&deviation));
-        for (name, part) in QUANTILES {
-            add(name, each(&|values| quantile(values, part)));
-        }
-        stats.insert("count".to_string(), json!([self.rows]));
-        Value::Object(stats)
+        let named = self.named().into_iter().map(|(name, values)| (name.to_string(), json!(values)));
+        named.chain([("count".to_string(), json!([self.rows]))]).collect()
     }
 }
 
@@ -87,7 +98,7 @@ mod tests {
         let values = [3.0, 1.0, 2.0, 10.0];
         let entries = values.iter().flat_map(|value| [*value, 1.0]).collect();
         let column = Values::List { lengths: vec![2; 4], entries: Box::new(Values::Float(entries)) };
-        let stats = Stats::of(&column).json();
+        let stats = Stats::of(&column, 0..4).json();
         assert_eq!(stats["min"], json!([1.0, 1.0]));
         assert_eq!(stats["max"], json!([10.0, 1.0]));
         assert_eq!(stats["mean"], json!([4.0, 1.0]));
@@ -100,5 +111,10 @@ mod tests {
         near("std", 3.535_533_905_932_737_8);
         near("q90", 7.9);
         near("q01", 1.03);
+        let last = Stats::of(&column, 2..4).json();
+        assert_eq!(
+            (&last["min"], &last["max"], &last["count"]),
+            (&json!([2.0, 1.0]), &json!([10.0, 1.0]), &json!([2]))
+        );
     }
 }

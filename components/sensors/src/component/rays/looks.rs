@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use motorium::declare::{ConfigError, RobotReference};
-use motorium_robots::{Attachment, BaseMode, CollisionModel, LinkColours, World};
+use motorium_robots::{Attachment, BaseMode, CollisionModel, ShapeSource, World};
 
 use super::super::robot::load;
 use crate::rendering::{Looks, Paint};
@@ -16,8 +16,8 @@ pub(super) fn looks(
 ) -> Result<Looks, ConfigError> {
     let mut paints = Vec::new();
     if let Some(solids) = solids {
-        let text = load(robot, BaseMode::AsFile)?.text().ok().flatten().unwrap_or_default();
-        let colours = LinkColours::of_urdf(&text);
+        let robot = load(robot, BaseMode::AsFile)?;
+        let colours = robot.link_colours(ShapeSource::Collision).unwrap_or_default();
         let mut used: BTreeMap<&str, usize> = BTreeMap::new();
         for index in 0..solids.solid_count() {
             let link = solids.link(index);

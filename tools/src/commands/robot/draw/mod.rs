@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
-use motorium_robots::{Kinematics, MimicMode};
+use motorium_robots::{Kinematics, MimicMode, ShapeSource};
 
 use super::source::RobotArgs;
 use crate::out::out;
@@ -84,7 +84,8 @@ impl Draw {
         let q = self.pose.configuration(&robot)?;
         let mut kinematics = Kinematics::new(model);
         kinematics.update(model, &q);
-        let scene = scene::Scene::of(&robot, &kinematics, &super::urdf_text::text(&robot)?, self.visual);
+        let shapes = if self.visual { ShapeSource::Visual } else { ShapeSource::Collision };
+        let scene = scene::Scene::of(&robot, &kinematics, robot.link_colours(shapes)?, self.visual);
         let marks = marks::Marks {
             frames: marks::frames(&robot, &kinematics, self.frames),
             names: self.names,

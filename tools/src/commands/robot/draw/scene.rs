@@ -17,10 +17,10 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    /// The robot as `kinematics` has placed it; `urdf` is its text. Meshes are hulls unless they are those of visuals.
-    pub(super) fn of(robot: &Loaded, kinematics: &Kinematics, urdf: &str, visual: bool) -> Self {
+    /// The robot as `kinematics` has placed it, in the colours of its links. Meshes are hulls unless they are those of visuals.
+    pub(super) fn of(robot: &Loaded, kinematics: &Kinematics, colours: LinkColours, visual: bool) -> Self {
         let model = &robot.model;
-        let mut painter = Painter { colours: LinkColours::of_urdf(urdf), used: BTreeMap::new(), visual };
+        let mut painter = Painter { colours, used: BTreeMap::new(), visual };
         let mut solids = Vec::new();
         let root = model.frames().iter().find(|frame| frame.body.is_none() && !frame.in_world);
         let base = root.and_then(|frame| {

@@ -1,0 +1,120 @@
+//! Mistakes on the command line of a first day: each is told once, by the option or the file that was typed.
+
+use std::os::unix::ffi::OsStrExt as _;
+use std::path::Path;
+
+use crate::first_day::{REACH, bare_robot, file, tried};
+use crate::program::motorium;
+
+#[test]
+fn a_time_that_is_none_is_told_by_the_option_that_was_typed() {
+    for (arguments, words) in [
+        (&["run", REACH, "--for", "abc"][..], "is \"abc\", which does not begin with a number"),
+        (&["run", REACH, "--for", "-1s"], "is negative (-1)"),
+        (&["calibrate", REACH, "--for", "--save"], "does not begin with a number"),
+        (&["topic", "hz", "a/b", "--for", "-5 s"], "is negative (-5)"),
+        (&["bench", "recording", REACH, "--for", "soon"], "does not begin with a number"),
+    ] {
+        let (code, errors) = tried(arguments);
+        assert_eq!(code, Some(2), "{arguments:?}: {errors}");
+        assert!(errors.contains("for '--for <") && errors.contains(words), "{arguments:?}: {errors}");
+    }
+}
+
+#[test]
+fn what_a_run_is_asked_for_and_cannot_be_is_told_by_its_option_before_anything_starts() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let within = folder.path().to_str().expect("a plain path");
+    let lockstep = ["run", REACH, "--clock", "lockstep"];
+    for (arguments, code, words) in [
+        (
+            &["--record", "a.mcap", "--record-last", "30"][..],
+            2,
+            &["'--record-last <TIME>'", "without a unit"][..],
+        ),
+        (&["--record", within], 1, &["is a folder, expected the file of a recording"]),
+        (&["--core", "4096"], 2, &["`--core 4096` names no core of this machine; its cores: 0"]),
+        (&["--pace", "-1"], 2, &["'--pace <FACTOR>'", "expected a number above 0"]),
+        (&["--episodes", "-1"], 2, &["'-1'", "'--episodes <N>'"]),
+    ] {
+        let (found, errors) = tried(&[&lockstep[..], arguments].concat());
+        assert_eq!(found, Some(code), "{arguments:?}: {errors}");
+        assert!(words.iter().all(|words| errors.contains(words)), "{arguments:?}: {errors}");
+    }
+    let (code, errors) = tried(&["run", REACH, "--core", "0"]);
+    assert!(code == Some(2) && errors.contains("for `--clock lockstep`"), "{errors}");
+}
+
+#[test]
+fn the_first_part_of_a_kind_lists_the_kinds_that_begin_with_it() {
+    let (code, errors) = tried(&["kinds", "control"]);
+    assert_eq!(code, Some(1));
+    assert!(errors.contains("there are `control.mpc`") && !errors.contains("policy"), "{errors}");
+}
+
+#[test]
+fn a_graph_on_standard_input_is_read_with_its_paths_relative_to_the_current_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [_, graph] = bare_robot(folder.path());
+    let checked = |text: &str| {
+        let input = folder.path().join("input");
+        std::fs::write(&input, text).expect("the folder takes files");
+        let mut command = motorium(&["check", "-"]);
+        command.current_dir(folder.path()).stdin(std::fs::File::open(input).expect("it is there"));
+        let output = command.output().expect("it runs");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let text = std::fs::read_to_string(graph).expect("it was written");
+    let (code, errors) = checked(&text);
+    assert_eq!(code, Some(0), "{errors}");
+    let (code, errors) = checked(&text.replace("rate      = \"500 Hz\"", "raet      = \"500 Hz\""));
+    assert!(
+        code == Some(3) && errors.contains("stdin:") && errors.contains("did you mean `rate`?"),
+        "{errors}"
+    );
+}
+
+#[test]
+fn a_file_of_another_kind_is_told_in_a_few_errors_and_a_name_that_is_no_text_in_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let lines: String = (0..40).map(|line| format!("user{line}:x:{line}:/bin/sh\n")).collect();
+    let (code, errors) = tried(&["check", &file(folder.path(), "passwd", &lines)]);
+    let told = errors.matches("the file is not TOML").count();
+    assert!(code == Some(3) && (1..=5).contains(&told), "{told} errors: {errors}");
+    let mut command = motorium(&["check"]);
+    command.arg(std::ffi::OsStr::from_bytes(b"nowhere-\xff.toml"));
+    let output = command.output().expect("it runs");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(3) && errors.contains("--example panda-reach"), "{errors}");
+}
+
+#[test]
+fn a_recording_that_is_missing_or_is_none_is_told_in_one_sentence_by_every_command_that_reads_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let missing = folder.path().join("nowhere.mcap");
+    let within = folder.path().join("folder.mcap");
+    std::fs::create_dir(&within).expect("a folder takes folders");
+    let other = file(folder.path(), "other.mcap", "name = \"a graph in place of a recording\"");
+    let text = |path: &Path| path.to_str().expect("a plain path").to_string();
+    for (path, words) in [
+        (text(&missing), "No such file or directory"),
+        (text(&within), "it is a folder, expected the file of a recording"),
+        (other, "this is no recording, which is an MCAP file"),
+    ] {
+        for arguments in [
+            &["plot", &path, "a.b"][..],
+            &["report", &path],
+            &["score", &path],
+            &["export", &path],
+            &["replay", &path, "--verify"],
+        ] {
+            let (code, errors) = tried(arguments);
+            assert_eq!(code, Some(1), "{arguments:?}: {errors}");
+            assert_eq!(errors.lines().count(), 1, "{arguments:?}: {errors}");
+            assert!(errors.trim_end().ends_with(words) || errors.contains("(os error 2)"), "{errors}");
+            assert!(errors.matches(words).count() == 1, "{arguments:?}: {errors}");
+        }
+    }
+    let (code, errors) = tried(&["view", &text(&missing)]);
+    assert!(code == Some(1) && errors.matches("os error 2").count() == 1, "{errors}");
+}
