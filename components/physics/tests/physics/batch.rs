@@ -71,7 +71,7 @@ fn observations_of_a_batch_are_those_of_each_world_on_any_number_of_threads_and_
             out.copy_from_slice(&[world.base_pose().translation.z, world.velocity()[2]]);
         });
         let drives = batch.world(0).joint_names().len();
-        batch.commands_mut()[3 * drives].position += 0.2;
+        batch.commands_mut()[3 * drives].effort = 5.0;
         batch.step(1e-3, 20);
         let expected = |batch: &Batch<_>, world: usize| {
             let of: &motorium_physics::ArticulatedSimulator = batch.world(world);

@@ -50,8 +50,8 @@ fn scene(engine: Engine) -> Box<dyn Simulator> {
     let can = object("can", ObjectShape::Cylinder { radius: 0.03, length: 0.1 }, Some(0.3), [0.2, 0.02, 1.1]);
     let rock = Object {
         mass: Some(0.3),
-        position: [0.66, 0.22, 0.3],
-        rpy: [0.3, 0.2, 0.0],
+        position: [0.66, 0.22, 0.13],
+        rpy: [0.0, 0.0, 0.2],
         ..mesh("rock", box_between([0.0; 3], [0.06, 0.05, 0.04]), MeshCollision::Hull)
     };
     let tray = Object {
@@ -296,21 +296,26 @@ fn rays_and_contacts_know_meshes_and_compounds_by_the_name_of_their_object() {
         for step in 0..2000 {
             simulation.step(DT).unwrap_or_else(|error| panic!("{engine:?}, step {step}: {error}"));
         }
+        // The mean of a while: springs of contacts tremble.
         let mut up = std::collections::BTreeMap::<String, f64>::new();
-        simulation.visit_contacts(&mut |contact| {
-            for (name, sign) in [(contact.second, 1.0), (contact.first, -1.0)] {
-                *up.entry(name.to_owned()).or_default() += sign * contact.force * contact.normal.z;
-            }
-        });
+        for _ in 0..400 {
+            simulation.step(DT).unwrap();
+            simulation.visit_contacts(&mut |contact| {
+                for (name, sign) in [(contact.second, 1.0), (contact.first, -1.0)] {
+                    *up.entry(name.to_owned()).or_default() +=
+                        sign * contact.force * contact.normal.z / 400.0;
+                }
+            });
+        }
         // The ball lies in the tray, which carries it.
         for (name, weight) in [("rock", 0.3), ("club", 0.4), ("tray", 0.8)] {
             let found = up.get(name).copied().unwrap_or(0.0);
-            assert!(
-                (found - weight * 9.81).abs() < 0.05 * 9.81,
-                "{engine:?}: {name} is carried with {found} N"
-            );
             let id = simulation.object(name).unwrap();
             let at = simulation.object_pose(id).translation.vector;
+            assert!(
+                (found - weight * 9.81).abs() < 0.05 * 9.81,
+                "{engine:?}: {name} at {at} is carried with {found} N"
+            );
             let (linear, angular) = simulation.object_velocity(id);
             assert!(
                 linear.norm() < 5e-3 && angular.norm() < 0.2,

