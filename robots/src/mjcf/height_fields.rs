@@ -145,7 +145,7 @@ fn solid([rows, columns]: [usize; 2], heights: &[f64], [x, y, top, base]: [f64; 
         for column in 0..columns - 1 {
             let (a, b) = (at(row, column), at(row, column + 1));
             let (c, d) = (at(row + 1, column), at(row + 1, column + 1));
-            triangles.extend([[a, b, c], [b, d, c]]);
+            triangles.extend([[a, b, d], [a, d, c]]);
         }
     }
     // The rim, counter-clockwise as seen from above, with a point below each of its points.

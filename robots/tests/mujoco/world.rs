@@ -42,15 +42,16 @@ fn a_body_of_several_geoms_has_the_mass_the_centre_and_the_inertia_of_mujoco() {
     let (world, golden) = (world(), golden());
     let hammer = world.objects.iter().find(|object| object.name == "hammer").unwrap();
     let own = hammer.mass_properties().unwrap();
-    assert_relative_eq!(own.mass, golden["mass"].as_f64().unwrap(), max_relative = 1e-9);
+    // MuJoCo keeps the corners of meshes in single precision.
+    assert_relative_eq!(own.mass, golden["mass"].as_f64().unwrap(), max_relative = 1e-7);
     let frame = own.frame.unwrap();
     let centre = Vector3::from_column_slice(&numbers(&golden["centre"]));
-    assert_relative_eq!(frame.translation.vector, centre, epsilon = 1e-9);
+    assert_relative_eq!(frame.translation.vector, centre, epsilon = 1e-8);
     let turn = frame.rotation.to_rotation_matrix().into_inner();
     let about_centre = turn * Matrix3::from_diagonal(&own.moments) * turn.transpose();
     let shift = Matrix3::from_diagonal_element(centre.norm_squared()) - centre * centre.transpose();
     let expected = Matrix3::from_row_slice(&numbers(&golden["inertia"]));
-    assert_relative_eq!(about_centre + shift * own.mass, expected, epsilon = 1e-9);
+    assert_relative_eq!(about_centre + shift * own.mass, expected, epsilon = 1e-8);
 }
 
 #[test]
