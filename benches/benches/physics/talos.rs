@@ -61,7 +61,7 @@ fn write(source: &Path) -> Result<PathBuf, String> {
     let mut profile = String::new();
     let told = writeln!(
         profile,
-        "base = \"floating\"\njoints = {:?}\nhome = \"home\"\n[poses]\nhome = {:?}\n[base_poses]\nhome = {{ position = [0.0, 0.0, {height:?}] }}\n\
+        "title = \"Talos\"\nsources = [\"example-robot-data\"]\nbase = \"floating\"\njoints = {:?}\nhome = \"home\"\n[poses]\nhome = {:?}\n[base_poses]\nhome = {{ position = [0.0, 0.0, {height:?}] }}\n\
          [gains]\nkp = {kp:?}\nkd = {kd:?}",
         model.joint_names(),
         simulation.positions(),
