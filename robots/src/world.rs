@@ -1,7 +1,10 @@
 //! The world around the robot, as a file describes it.
 
+mod compound;
+mod connection;
 mod copies;
 mod file;
+mod gravity;
 mod mesh;
 mod sdf;
 mod surface;
@@ -15,8 +18,12 @@ use serde::Serialize;
 
 use crate::nearest::suggestion;
 use crate::{Appearance, HeightField, MeshError, ModelWarning, Terrain, TerrainError};
+pub use compound::CompoundPart;
+pub use connection::{Connection, ConnectionKind};
 pub use copies::Copies;
 pub use file::WorldFileError;
+pub(crate) use file::unique;
+pub use gravity::deserialize_gravity;
 pub use mesh::{MeshBody, MeshCollision, MeshShape};
 pub use surface::{Grain, Softness};
 pub use things::{Conveyor, Ground, Object, ObjectMass, ObjectShape};
@@ -48,6 +55,9 @@ pub struct World {
     /// Objects, fixed or free to move. Names must differ.
     #[serde(deserialize_with = "copies::expanded")]
     pub objects: Vec<Object>,
+    /// Connections of objects with one another or with the `world`, as they stand at the start. Links are connected by
+    /// `connections` of the physics component.
+    pub connections: Vec<Connection>,
     /// The looks of it all, for cameras.
     pub appearance: Appearance,
 }
@@ -67,6 +77,7 @@ impl Default for World {
             ground: None,
             terrain: None,
             objects: Vec::new(),
+            connections: Vec::new(),
             appearance: Appearance::default(),
         }
     }
@@ -127,6 +138,32 @@ pub enum WorldError {
         /// The object.
         name: String,
     },
+    /// Properties or parts of an object that do not go together.
+    #[error("{name}: {problem}")]
+    Parts {
+        /// The object.
+        name: String,
+        /// The problem.
+        problem: &'static str,
+    },
+    /// A connection of what is not there.
+    #[error("`connections` names the object \"{name}\", which the world does not have{}", suggestion(.nearest.as_deref()))]
+    NothingToConnect {
+        /// The name.
+        name: String,
+        /// The name most likely meant.
+        nearest: Option<String>,
+    },
+    /// A connection of what does not move.
+    #[error(
+        "`connections`: \"{first}\" and \"{second}\" do not move relative to one another: there is nothing to connect"
+    )]
+    RigidConnection {
+        /// A part.
+        first: String,
+        /// The other.
+        second: String,
+    },
     /// Two statements of a mass.
     #[error("{name}: both `mass` and `density` are given; leave one out")]
     TwoMasses {
@@ -179,9 +216,7 @@ impl World {
             terrain.locate(folder);
         }
         for object in &mut self.objects {
-            if let ObjectShape::Mesh(mesh) = &mut object.shape {
-                mesh.locate(folder);
-            }
+            object.shape.locate(folder);
         }
         match self.file.take() {
             Some(file) => Ok(self.add_file(&folder.join(file))?),
@@ -230,6 +265,9 @@ impl World {
             if name == "terrain" {
                 return taken("the terrain");
             }
+            if name == "world" {
+                return taken("the world itself");
+            }
             if links.clone().any(|link| link == name) {
                 return taken("a link of the robot");
             }
@@ -242,7 +280,17 @@ impl World {
             for value in object.rpy {
                 finite(name, "rpy", value)?;
             }
-            object.shape.check(name, object.is_dynamic())?;
+            for value in object.velocity.into_iter().chain(object.angular_velocity) {
+                finite(name, "velocity or angular_velocity", value)?;
+            }
+            if !object.is_dynamic() && (object.velocity, object.angular_velocity) != ([0.0; 3], [0.0; 3]) {
+                let problem = "a velocity of an object that is fixed; give it a `mass` or a `density`";
+                return Err(WorldError::Parts { name: name.to_owned(), problem });
+            }
+            match &object.shape {
+                ObjectShape::Compound(parts) => compound::check(name, parts, object.density.is_some())?,
+                shape => shape.check(name, object.is_dynamic())?,
+            }
             for (field, value) in [("mass", object.mass), ("density", object.density)] {
                 value.map_or(Ok(()), |value| positive(name, field, value))?;
             }
@@ -254,6 +302,7 @@ impl World {
             surface(name, frictions, object.restitution, object.conveyor)?;
             textured(name, object.soft, object.grain)?;
         }
+        connection::check(self)?;
         self.appearance.check(self)
     }
 }

@@ -205,7 +205,9 @@ fn a_hit_lies_on_the_surface_and_nothing_lies_before_it() {
                     let beyond = p.z - p.z.clamp(-0.5 * length, 0.5 * length);
                     p.x.hypot(p.y).hypot(beyond) - radius
                 }
-                ObjectShape::Mesh(_) => unreachable!("nothing on this table is a mesh"),
+                ObjectShape::Mesh(_) | ObjectShape::Compound(_) => {
+                    unreachable!("nothing on this table is a mesh or a compound")
+                }
             }
         });
         of_objects.fold(point.z, f64::min)

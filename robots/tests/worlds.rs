@@ -128,11 +128,15 @@ fn a_world_of_mjcf_has_its_gravity_ground_fixed_geoms_and_free_bodies() {
 fn what_a_world_does_not_hold_is_refused_with_line_and_column() {
     for (old, new, expected) in [
         ("<freejoint/>", "<joint/>", "12:34: a body on a joint is part of a robot"),
-        ("<light pos=\"0 0 3\"/>", "<geom type=\"hfield\" hfield=\"h\"/>", "6:5: type=\"hfield\""),
         (
-            "density=\"500\" friction=\"0.5\"/>",
-            "/><geom size=\"0.1\"/>",
-            "a second geom of a body that moves",
+            "<light pos=\"0 0 3\"/>",
+            "<geom type=\"hfield\" hfield=\"h\"/>",
+            "6:5: <geom> names the hfield \"h\"",
+        ),
+        (
+            "<geom type=\"cylinder\"",
+            "<body><joint/></body><geom type=\"cylinder\"",
+            "a body on a joint is part of a robot",
         ),
         ("</mujoco>", "<actuator/></mujoco>", "<actuator> is about a robot"),
         ("<light", "<tree", "<tree> is not among"),

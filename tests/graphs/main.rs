@@ -15,6 +15,7 @@ mod exposition;
 mod faults;
 mod feeding;
 mod gaits;
+mod gravity;
 mod hangs;
 mod latches;
 mod looking_on;

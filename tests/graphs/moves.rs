@@ -83,6 +83,19 @@ fn a_panda_puts_a_cube_into_a_bin_and_twice_to_the_same_bit() {
 }
 
 #[test]
+fn a_panda_puts_a_nut_into_a_tray_that_both_are_meshes() {
+    let _machine = machine();
+    let ended = whole("pick-nut.toml", &[]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let nut = &ended.report().results["physics"]["objects"]["cube"];
+    let place = |axis: usize| nut["position"][axis].as_f64().expect("a number");
+    // On the bottom of the tray, 10.6 cm high, of parts that are up to a 64th of 17 cm larger than the mesh.
+    assert!((place(2) - 0.121).abs() < 3e-3, "{nut}");
+    assert!((place(0) - 0.45).abs() < 0.05 && (place(1) + 0.25).abs() < 0.05, "{nut}");
+    assert_nothing_allocates(&ended);
+}
+
+#[test]
 fn a_cube_that_a_belt_brings_ends_in_the_bin_and_a_ball_where_its_rolling_friction_stops_it() {
     let ended = whole("conveyor.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);

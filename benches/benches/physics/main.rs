@@ -5,6 +5,7 @@ mod batch;
 mod energy;
 mod peers;
 mod scenes;
+mod talos;
 
 use std::time::Instant;
 

@@ -15,10 +15,9 @@ const INSTALL: &str = "pip install mujoco pybullet numpy in a virtual environmen
 pub(crate) fn compare(scenes: &mut [Scene]) -> Result<(), String> {
     println!("{:<24} {:>23} {:>23} {:>23} {:>9}", "scene", "motorium", "mujoco", "pybullet", "to mujoco");
     for scene in scenes {
-        let urdf = urdf(scene.robot.unwrap_or("pendulum"));
         let mut peers = ["mujoco", "pybullet"]
             .into_iter()
-            .map(|engine| Peer::start(engine, scene.motion.word(), scene.boxes, &urdf))
+            .map(|engine| Peer::start(engine, scene.motion.word(), scene.boxes, &scene.urdf))
             .collect::<Result<Vec<_>, _>>()?;
         let mut ours = Vec::with_capacity(TURNS);
         let mut theirs = vec![Vec::with_capacity(TURNS); peers.len()];

@@ -1,11 +1,14 @@
 //! Simulated scenes: robots that move or stand, and boxes that fall into a pile.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use motorium_physics::{
     ArticulatedSimulator, Ground, JointCommand, Object, ObjectShape, Options, RobotSetup, Simulator, World,
 };
-use motorium_robots::load;
+use motorium_robots::{Loaded, load};
+
+use crate::peers::urdf;
+use crate::talos;
 
 /// The way the joints of a robot are led.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,8 +38,8 @@ impl Motion {
 /// A simulation, and what its peers need to know of it.
 pub(crate) struct Scene {
     pub(crate) name: &'static str,
-    /// Robot of the catalogue; `None` for boxes alone.
-    pub(crate) robot: Option<&'static str>,
+    /// The file of the robot; its profile lies beside it.
+    pub(crate) urdf: PathBuf,
     pub(crate) motion: Motion,
     /// Boxes that fall into a pile.
     pub(crate) boxes: usize,
@@ -57,11 +60,27 @@ const SCENES: [(&str, &str, Motion); 8] = [
     ("humanoid, free fall", "humanoid", Motion::Fall),
 ];
 
+/// Those of Talos, where it is on this machine.
+const TALOS: [(&str, Motion); 2] = [("talos", Motion::Hold), ("talos, free fall", Motion::Fall)];
+
 /// The scenes whose names `chosen` admits.
 pub(crate) fn scenes(chosen: impl Fn(&str) -> bool) -> Vec<Scene> {
     let robots = SCENES.into_iter().filter(|(name, ..)| chosen(name));
-    let mut scenes: Vec<_> =
-        robots.map(|(name, robot, motion)| Scene::of_robot(name, robot, motion)).collect();
+    let mut scenes: Vec<_> = robots
+        .map(|(name, robot, motion)| {
+            let loaded = load(robot, Path::new(".")).expect("the catalogue's robots load");
+            Scene::of_robot(name, (loaded, urdf(robot)), motion)
+        })
+        .collect();
+    let talos: Vec<_> = TALOS.into_iter().filter(|(name, _)| chosen(name)).collect();
+    if !talos.is_empty()
+        && let Some(urdf) = talos::files()
+    {
+        for (name, motion) in talos {
+            let loaded = talos::load(&urdf).expect("it was loaded when it was written");
+            scenes.push(Scene::of_robot(name, (loaded, urdf.clone()), motion));
+        }
+    }
     for (name, boxes, motion) in [
         ("20 boxes, falling", 20, Motion::Drop),
         ("100 boxes, falling", 100, Motion::Drop),
@@ -76,20 +95,18 @@ pub(crate) fn scenes(chosen: impl Fn(&str) -> bool) -> Vec<Scene> {
 }
 
 impl Scene {
-    fn of_robot(name: &'static str, robot: &'static str, motion: Motion) -> Self {
-        let loaded = load(robot, Path::new(".")).expect("the catalogue's robots load");
-        let setup = RobotSetup::of(&loaded).expect("the catalogue's profiles are whole");
-        let profile = loaded.profile.expect("the catalogue's robots have profiles");
+    fn of_robot(name: &'static str, (loaded, urdf): (Loaded, PathBuf), motion: Motion) -> Self {
+        let setup = RobotSetup::of(&loaded).expect("the profiles are whole");
+        let profile = loaded.profile.expect("the robots have profiles");
         let q = profile.configuration(&loaded.model, &profile.home).expect("home is a pose");
-        let gains = profile.gains(&loaded.model).expect("the catalogue's robots have gains");
+        let gains = profile.gains(&loaded.model).expect("the robots have gains");
         let ground = (motion == Motion::Hold).then(Ground::default);
         let world = World { ground, ..World::default() };
         let simulation = ArticulatedSimulator::new(setup, world, q.as_slice(), Options::default())
-            .expect("the catalogue's robots can be simulated");
+            .expect("the robots can be simulated");
         let home = simulation.positions().to_vec();
         let gains = gains.kp.iter().copied().zip(gains.kd.iter().copied()).collect();
-        let mut scene =
-            Self { name, robot: Some(robot), motion, boxes: 0, simulation, home, gains, steps: 0 };
+        let mut scene = Self { name, urdf, motion, boxes: 0, simulation, home, gains, steps: 0 };
         if motion != Motion::Fall {
             scene.advance(1000);
         }
@@ -126,7 +143,7 @@ impl Scene {
             .expect("the boxes can be simulated");
         let mut scene = Self {
             name,
-            robot: None,
+            urdf: urdf("pendulum"),
             motion,
             boxes,
             simulation,

@@ -53,7 +53,8 @@ impl TableTop {
         }
         scene.add_world(&world);
         for object in &world.objects {
-            describe(&mut mjcf, &object.shape.convex_shape(), &object.pose());
+            let shape = object.shape.convex_shape().expect("its objects are simple");
+            describe(&mut mjcf, &shape, &object.pose());
         }
         let scans = scans();
         for ray in &scans[1].rays {

@@ -1,5 +1,6 @@
 //! Many worlds stepped together, on all cores.
 
+use std::sync::Arc;
 use std::thread;
 
 use crate::{
@@ -8,7 +9,7 @@ use crate::{
 
 /// Many simulations of robots of one kind, stepped together on several threads.
 ///
-/// States and commands of all worlds lie one after the other in memory. Each world computes what it would compute
+/// States, commands and [observations](Self::observing) of all worlds lie one after the other in memory. Each world computes what it would compute
 /// alone, to the last bit, on however many threads.
 ///
 /// # Example
@@ -41,8 +42,15 @@ pub struct Batch<E> {
     commands: Vec<JointCommand>,
     positions: Vec<f64>,
     velocities: Vec<f64>,
+    /// Numbers of an observation of one world, and what writes them.
+    observed: usize,
+    observe: Observe<E>,
+    observations: Vec<f64>,
     outcomes: Vec<Result<StepReport, StepError>>,
 }
+
+/// Writes an observation of a world.
+type Observe<E> = Arc<dyn Fn(&Simulation<E>, &mut [f64]) + Send + Sync>;
 
 /// The part of a batch that one thread steps.
 struct Share<'a, E> {
@@ -50,6 +58,7 @@ struct Share<'a, E> {
     commands: &'a [JointCommand],
     positions: &'a mut [f64],
     velocities: &'a mut [f64],
+    observations: &'a mut [f64],
     outcomes: &'a mut [Result<StepReport, StepError>],
 }
 
@@ -80,6 +89,9 @@ impl<E: Engine + Send> Batch<E> {
             commands: vec![JointCommand::default(); count * drives],
             positions: vec![0.0; count * nq],
             velocities: vec![0.0; count * nv],
+            observed: 0,
+            observe: Arc::new(|_, _| {}),
+            observations: Vec::new(),
             outcomes: vec![Ok(StepReport::default()); count],
             worlds,
             nq,
@@ -88,6 +100,39 @@ impl<E: Engine + Send> Batch<E> {
         };
         (0..count).for_each(|world| batch.read(world));
         Ok(batch)
+    }
+
+    /// The same batch, which after every [`step`](Self::step) and reset has `count` numbers of each world in
+    /// [`observations`](Self::observations), as `observe` writes them: on the thread that steps the world.
+    ///
+    /// ```
+    /// use std::path::Path;
+    /// use motorium_physics::{ArticulatedSimulator, Batch, Options, Simulator, World};
+    /// use motorium_robots::load;
+    ///
+    /// let model = load("pendulum", Path::new("."))?.model;
+    /// let build = |world: usize| {
+    ///     ArticulatedSimulator::new(model.clone(), World::default(), &[0.1 * world as f64], Options::default())
+    /// };
+    /// let mut batch = Batch::new(4, 2, build)?.observing(2, |world, out| {
+    ///     let angle = world.configuration()[0];
+    ///     out.copy_from_slice(&[angle.cos(), angle.sin()]);
+    /// });
+    /// batch.step(1e-3, 10);
+    /// assert_eq!(batch.observations().len(), 8);
+    /// assert_eq!(batch.observation(3)[1], batch.positions(3)[0].sin());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn observing(
+        mut self,
+        count: usize,
+        observe: impl Fn(&Simulation<E>, &mut [f64]) + Send + Sync + 'static,
+    ) -> Self {
+        (self.observed, self.observe) = (count, Arc::new(observe));
+        self.observations = vec![0.0; count * self.worlds.len()];
+        (0..self.worlds.len()).for_each(|world| self.read(world));
+        self
     }
 
     /// Number of worlds.
@@ -125,11 +170,23 @@ impl<E: Engine + Send> Batch<E> {
         &self.velocities[world * self.nv..][..self.nv]
     }
 
+    /// [Observations](Self::observing) of all worlds, one after the other; none where nothing is observed.
+    pub fn observations(&self) -> &[f64] {
+        &self.observations
+    }
+
+    /// The observation of a world.
+    pub fn observation(&self, world: usize) -> &[f64] {
+        &self.observations[world * self.observed..][..self.observed]
+    }
+
     /// Advances every world by `steps` steps of `dt` \[s\] with the commands as they are. Returns the outcome of the last
     /// step of each; a world whose step fails stays where it was before that step.
     pub fn step(&mut self, dt: f64, steps: usize) -> &[Result<StepReport, StepError>] {
         let count = self.worlds.len().div_ceil(self.threads);
-        let (nq, nv, drives) = (self.nq, self.nv, self.drives);
+        let (nq, nv, drives, observed) = (self.nq, self.nv, self.drives, self.observed);
+        let mut observations = self.observations.chunks_mut((count * observed).max(1));
+        let observe: &Observe<E> = &self.observe;
         let shares = self
             .worlds
             .chunks_mut(count)
@@ -142,16 +199,17 @@ impl<E: Engine + Send> Batch<E> {
                 commands,
                 positions,
                 velocities,
+                observations: observations.next().unwrap_or_default(),
                 outcomes,
             });
         thread::scope(|scope| {
             let mut shares = shares;
             let own = shares.next();
             for mut share in shares {
-                scope.spawn(move || share.step((nq, nv, drives), dt, steps));
+                scope.spawn(move || share.step((nq, nv, drives), (observed, observe), (dt, steps)));
             }
             if let Some(mut share) = own {
-                share.step((nq, nv, drives), dt, steps);
+                share.step((nq, nv, drives), (observed, observe), (dt, steps));
             }
         });
         &self.outcomes
@@ -191,11 +249,17 @@ impl<E: Engine + Send> Batch<E> {
         let simulation = &self.worlds[world];
         self.positions[world * self.nq..][..self.nq].copy_from_slice(simulation.configuration());
         self.velocities[world * self.nv..][..self.nv].copy_from_slice(simulation.velocity());
+        (self.observe)(simulation, &mut self.observations[world * self.observed..][..self.observed]);
     }
 }
 
 impl<E: Engine> Share<'_, E> {
-    fn step(&mut self, (nq, nv, drives): (usize, usize, usize), dt: f64, steps: usize) {
+    fn step(
+        &mut self,
+        (nq, nv, drives): (usize, usize, usize),
+        (observed, observe): (usize, &Observe<E>),
+        (dt, steps): (f64, usize),
+    ) {
         for (index, (world, outcome)) in self.worlds.iter_mut().zip(&mut *self.outcomes).enumerate() {
             world.commands_mut().copy_from_slice(&self.commands[index * drives..][..drives]);
             for _ in 0..steps {
@@ -206,6 +270,7 @@ impl<E: Engine> Share<'_, E> {
             }
             self.positions[index * nq..][..nq].copy_from_slice(world.configuration());
             self.velocities[index * nv..][..nv].copy_from_slice(world.velocity());
+            observe(world, &mut self.observations[index * observed..][..observed]);
         }
     }
 }

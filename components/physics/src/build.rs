@@ -3,7 +3,9 @@
 use motorium_robots::{ActuatorError, MeshCollision, Model, ObjectShape};
 
 use crate::joint::JointProperties;
-use crate::{Capabilities, Integrator, LibraryError, Options, ResetError, RobotSetup, World, WorldError};
+use crate::{
+    Capabilities, ConnectError, Integrator, LibraryError, Options, ResetError, RobotSetup, World, WorldError,
+};
 
 /// An error of setting up a simulation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -55,6 +57,9 @@ pub enum BuildError {
         /// Of a link, the property of its surface: `soft` or `grain`.
         surface: Option<&'static str>,
     },
+    /// A connection of the world that cannot be made.
+    #[error(transparent)]
+    Connection(#[from] ConnectError),
     /// The library of the MuJoCo engine is not there.
     #[error(transparent)]
     Library(#[from] LibraryError),
@@ -268,6 +273,10 @@ impl BuildError {
             let ability = "contacts of the triangles of a mesh";
             return Err(Self::Unable { engine, ability, owner: object.name.clone(), surface: None });
         }
+        if let Some(connection) = world.connections.first().filter(|_| !abilities.connections) {
+            let (ability, owner) = ("connection", connection.parts[0].clone());
+            return Err(Self::Unable { engine, ability, owner, surface: None });
+        }
         let all = ground.chain(terrain).chain(objects).map(|thing| (thing, false));
         let all = all.chain(links.map(|link| (link, true)));
         for ((owner, [torsional, rolling], [conveyor, soft, grain]), is_link) in all {
@@ -306,6 +315,15 @@ impl BuildError {
 }
 
 impl BuildWarning {
+    /// Robots that touch nothing of a world that has something to touch.
+    pub(crate) fn without_shapes(setups: &[RobotSetup], world: &World) -> Vec<Self> {
+        if world.ground.is_none() && world.terrain.is_none() && world.objects.is_empty() {
+            return Vec::new();
+        }
+        let bare = setups.iter().map(|setup| &setup.model).filter(|model| !model.has_shapes());
+        bare.map(|model| Self::NoShapes { robot: model.name().to_owned() }).collect()
+    }
+
     /// Joints that start beyond their limits at `q` (one per joint), or whose drive has no effort.
     pub(crate) fn of_joints(model: &Model, joints: &[JointProperties], q: &[f64], into: &mut Vec<Self>) {
         for ((joint, name), position) in joints.iter().zip(model.joint_names()).zip(q.iter().copied()) {

@@ -53,11 +53,13 @@ pub enum StepError {
     },
     /// The base left the range in which the simulation means anything.
     #[error(
-        "the base would move at {linear} m/s and {angular} rad/s, expected less than {} and {}: \
+        "the base \"{base}\" would move at {linear} m/s and {angular} rad/s, expected less than {} and {}: \
          the simulation diverges; use a shorter step, or check efforts, gains and the initial pose",
         BASE_BOUND.0, BASE_BOUND.1
     )]
     BaseDiverged {
+        /// Its link.
+        base: String,
         /// Speed of its origin the step led to \[m/s\]; may be infinite or NaN.
         linear: f64,
         /// Its rate of turn \[rad/s\].

@@ -97,8 +97,8 @@ impl<E: Engine> Simulation<E> {
             let reason = format!("the {} engine takes other properties at resets alone", E::NAME);
             return Err(ResetError::Refused { reason });
         }
-        let (objects, appearance) = (Vec::new(), Appearance::default());
-        let level = World { terrain: None, objects, appearance, ..properties.world.clone() };
+        let (objects, connections, appearance) = (Vec::new(), Vec::new(), Appearance::default());
+        let level = World { terrain: None, objects, connections, appearance, ..properties.world.clone() };
         self.check_properties(properties, &level)?;
         let world = World { gravity: properties.world.gravity, ..self.world.clone() };
         let others = self.engine.surfaces() != properties.surfaces;
@@ -181,6 +181,7 @@ fn same_world(a: &World, b: &World) -> bool {
     let ground = a.ground.map(|ground| ground.height) == b.ground.map(|ground| ground.height);
     ground
         && same_terrain(a.terrain.as_ref(), b.terrain.as_ref())
+        && a.connections == b.connections
         && a.objects.len() == b.objects.len()
         && a.objects
             .iter()

@@ -378,7 +378,10 @@ impl Robot {
             let linear = Vector3::from_column_slice(&v_next[..3]).norm();
             let angular = Vector3::from_column_slice(&v_next[3..6]).norm();
             if !(linear < BASE_BOUND.0 && angular < BASE_BOUND.1) {
-                return Err(StepError::BaseDiverged { linear, angular });
+                let mut frames = own.model.frames().iter();
+                let base = frames.find(|frame| frame.body.is_none() && !frame.in_world);
+                let base = base.map_or("base", |frame| &frame.name).to_owned();
+                return Err(StepError::BaseDiverged { base, linear, angular });
             }
         }
         Ok(())

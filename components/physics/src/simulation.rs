@@ -78,7 +78,7 @@ pub trait Engine: Sized {
         wrench: [Vector3<f64>; 2],
     );
 
-    /// Starts from the robot's current state, the objects at rest where the world description has them.
+    /// Starts from the robot's current state, the objects at rest where the world has them.
     fn reset(&mut self, robot: &Robot, world: &World);
 
     /// Excludes pairs of links that start too close from self-collision, and reports links that start inside something.
@@ -122,6 +122,9 @@ pub trait Engine: Sized {
 
     /// Velocity of object `index`: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
     fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>);
+
+    /// Sets the velocity of object `index`, if it moves: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
+    fn set_object_velocity(&mut self, index: usize, linear: &Vector3<f64>, angular: &Vector3<f64>);
 
     /// Connects two parts as they stand: see [`Simulator::connect`]. `lasting` where a reset keeps it.
     ///
@@ -203,7 +206,7 @@ impl<E: Engine> Simulation<E> {
         world.check(frames.map(|frame| frame.name.as_str()))?;
         BuildError::check_abilities((E::NAME, E::CAPABILITIES), &setups, &world, &options)?;
         let robot = Robot::new(&setups, &options, Vector3::from(world.gravity));
-        let mut warnings = without_shapes(&setups, &world);
+        let mut warnings = BuildWarning::without_shapes(&setups, &world);
         let engine = E::build(&setups, &robot, &world, &options, &mut warnings)?;
         let nv = robot.nv();
         let mut simulation = Self { robot, engine, options, world, warnings };
@@ -213,6 +216,9 @@ impl<E: Engine> Simulation<E> {
         for own in &robot.articulations {
             let q = own.model.joints_of_q(&q[own.q()]);
             BuildWarning::of_joints(&own.model, &robot.joints[own.joints()], q, warnings);
+        }
+        for connection in simulation.world.connections.clone() {
+            simulation.connect(&connection)?;
         }
         Ok(simulation)
     }
@@ -291,6 +297,12 @@ impl<E: Engine> Simulator for Simulation<E> {
     fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         self.robot.reset(q, v)?;
         self.engine.reset(&self.robot, &self.world);
+        for (index, object) in self.world.objects.iter().enumerate() {
+            let (linear, angular) = (object.velocity.into(), object.angular_velocity.into());
+            if object.is_dynamic() && (linear, angular) != (Vector3::zeros(), Vector3::zeros()) {
+                self.engine.set_object_velocity(index, &linear, &angular);
+            }
+        }
         Ok(())
     }
 
@@ -357,6 +369,10 @@ impl<E: Engine> Simulator for Simulation<E> {
         self.engine.visit_contacts(visit);
     }
 
+    fn set_object_velocity(&mut self, object: ObjectId, linear: Vector3<f64>, angular: Vector3<f64>) {
+        self.engine.set_object_velocity(object.0, &linear, &angular);
+    }
+
     fn connect(&mut self, connection: &Connection) -> Result<(), ConnectError> {
         self.engine.connect((&self.robot, &self.world), connection, true)
     }
@@ -380,13 +396,4 @@ impl<E: Engine> Simulator for Simulation<E> {
     ) {
         self.engine.apply_wrench(&self.robot, link, &point, [force, torque]);
     }
-}
-
-/// Warnings of robots that touch nothing of a world that has something to touch.
-fn without_shapes(setups: &[RobotSetup], world: &World) -> Vec<BuildWarning> {
-    if world.ground.is_none() && world.terrain.is_none() && world.objects.is_empty() {
-        return Vec::new();
-    }
-    let bare = setups.iter().map(|setup| &setup.model).filter(|model| !model.has_shapes());
-    bare.map(|model| BuildWarning::NoShapes { robot: model.name().to_owned() }).collect()
 }

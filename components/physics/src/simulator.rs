@@ -70,6 +70,8 @@ pub struct Capabilities {
     pub changes: bool,
     /// A choice of the method of integration.
     pub integrators: bool,
+    /// [Connections](crate::Connection) of parts besides the joints of robots.
+    pub connections: bool,
 }
 
 /// A state of a simulator with all that its next steps depend on, warm starts included.
@@ -181,7 +183,7 @@ pub trait Simulator {
     /// [`StepError`]; the robot's state is then that before the step. The state never contains NaN.
     fn step(&mut self, dt: f64) -> Result<StepReport, StepError>;
 
-    /// Puts the robot at `q` (nq) with velocity `v` (nv), the objects at the poses of the world description, at rest.
+    /// Puts the robot at `q` (nq) with velocity `v` (nv), the objects at the poses and the velocities of the world description.
     /// Commands become zero efforts.
     ///
     /// # Errors
@@ -255,12 +257,40 @@ pub trait Simulator {
     /// Velocity of an object: linear at its centre \[m/s\] and angular \[rad/s\], world axes.
     fn object_velocity(&self, object: ObjectId) -> (Vector3<f64>, Vector3<f64>);
 
+    /// Sets the velocity of an object that moves: linear at its centre of mass \[m/s\] and angular \[rad/s\], world axes. A fixed one stays
+    /// at rest.
+    fn set_object_velocity(&mut self, object: ObjectId, linear: Vector3<f64>, angular: Vector3<f64>);
+
     /// Connects two parts as they stand to one another, by a ball joint or rigidly. The connection stays until [`detach`](Self::detach),
     /// over resets, too. The parts do not collide with one another meanwhile. Memory for it is allocated here, not in a step.
     ///
     /// # Errors
     ///
     /// [`ConnectError`]; engines other than `physics.articulated` have no connections.
+    ///
+    /// # Example
+    ///
+    /// ```
+    /// use std::path::Path;
+    /// use motorium_physics::{ArticulatedSimulator, Object, Options, Simulator, World};
+    /// use motorium_robots::load;
+    ///
+    /// let rod = load("pendulum", Path::new("."))?.model;
+    /// let link = rod.frames().last().ok_or("no links")?.name.clone();
+    /// let weight = Object { name: "weight".to_owned(), mass: Some(0.2), position: [0.0, 0.0, -0.6], ..Object::default() };
+    /// let world = World { objects: vec![weight], ..World::default() };
+    /// let mut simulation = ArticulatedSimulator::new(rod, world, &[0.3], Options::default())?;
+    /// simulation.attach(&link, "weight")?;
+    /// let weight = simulation.object("weight").ok_or("no weight")?;
+    /// let start = simulation.object_pose(weight).translation.vector;
+    /// for _ in 0..200 {
+    ///     simulation.step(1e-3)?;
+    /// }
+    /// let end = simulation.object_pose(weight).translation.vector;
+    /// assert!((end - start).norm() > 0.01, "it swings with the rod");
+    /// assert!((end.norm() - start.norm()).abs() < 1e-4, "about its hinge");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
     fn connect(&mut self, connection: &Connection) -> Result<(), ConnectError>;
 
     /// Fixes one part to another as they stand, such as an object to a hand, until [`detach`](Self::detach) or the next reset.

@@ -2,6 +2,8 @@
 
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::{M3, S3, V3};
 
 /// A motion (velocity of the origin, angular velocity) or a wrench (force, moment about the origin).
@@ -124,6 +126,14 @@ impl RigidInertia {
             moment: moment + p * self.mass,
             rotational: self.rotational.rotated(r) + S3::between(p, half),
         }
+    }
+
+    /// Rotational inertia about the centre of mass.
+    pub(crate) fn about_centre(&self) -> Matrix3<f64> {
+        let S3 { xx, xy, xz, yy, yz, zz } = self.rotational;
+        let moment: Vector3<f64> = self.moment.into();
+        let shift = Matrix3::from_diagonal_element(moment.norm_squared()) - moment * moment.transpose();
+        Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - shift * (1.0 / self.mass)
     }
 
     /// Momentum of a body moving with `motion`; the wrench that gives it the acceleration `motion`.

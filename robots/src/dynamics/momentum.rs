@@ -5,6 +5,7 @@ use nalgebra::{Dim, Matrix, StorageMut, Vector3};
 use super::Dynamics;
 use crate::Model;
 use crate::algebra::{M3, Spatial, V3};
+use crate::model::flat::FlatModel;
 
 /// Momentum of a whole robot, or its rate, about the centre of mass in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,6 +54,11 @@ impl Dynamics {
         assert_eq!(v.len(), model.nv(), "length of v");
         let flat = model.flat();
         let (axes, centre) = self.compose(model, q);
+        about(&axes, centre, self.momentum_at_base(flat, v)).into()
+    }
+
+    /// Momentum about the origin of the base, in its axes. The inertias have been [composed](Self::compose).
+    fn momentum_at_base(&self, flat: &FlatModel, v: &[f64]) -> Spatial {
         let mut sum = Spatial::ZERO;
         for (node, body) in flat.nodes.iter().zip(&self.composite[1..]) {
             sum += body.inertia.apply(body.joint) * (node.multiplier * v[node.column]);
@@ -60,7 +66,46 @@ impl Dynamics {
         if flat.floating {
             sum += self.composite[0].inertia.apply(Spatial::from_slice(v));
         }
-        about(&axes, centre, sum).into()
+        sum
+    }
+
+    /// Changes the velocity of a floating base, the first six entries of `v`, so that all that moves has this momentum. `false`, and nothing
+    /// has changed, for a fixed base or inertias that no motion of the base could have.
+    ///
+    /// ```
+    /// use std::path::Path;
+    /// use motorium_robots::{Dynamics, load};
+    ///
+    /// let quadruped = load("quadruped", Path::new(".")).unwrap().model;
+    /// let mut dynamics = Dynamics::new(&quadruped);
+    /// let (q, mut v) = (quadruped.neutral(), vec![0.3; quadruped.nv()]);
+    /// let before = dynamics.momentum(&quadruped, &q, &v);
+    /// v[7] = -2.0;
+    /// assert!(dynamics.set_momentum(&quadruped, &q, &mut v, &before));
+    /// let after = dynamics.momentum(&quadruped, &q, &v);
+    /// assert!((after.linear - before.linear).norm() < 1e-12 && (after.angular - before.angular).norm() < 1e-12);
+    /// ```
+    pub fn set_momentum(&mut self, model: &Model, q: &[f64], v: &mut [f64], momentum: &Momentum) -> bool {
+        assert_eq!(v.len(), model.nv(), "length of v");
+        let flat = model.flat();
+        if !flat.floating {
+            return false;
+        }
+        let (axes, centre) = self.compose(model, q);
+        let sum = self.momentum_at_base(flat, v);
+        // What is missing, the angular part about the centre of mass: a turn about it, and a motion of it.
+        let linear = axes.tr_mul(momentum.linear.into()) - sum.linear;
+        let angular = axes.tr_mul(momentum.angular.into()) - (sum.angular - centre.cross(sum.linear));
+        let total = &self.composite[0].inertia;
+        let about_centre = total.about_centre();
+        let Some(turn) = about_centre.cholesky().map(|factor| factor.solve(&angular.into())) else {
+            return false;
+        };
+        let turn = V3::from(turn);
+        let motion = linear * (1.0 / total.mass) - turn.cross(centre);
+        let missing = Spatial::new(motion, turn).array();
+        v.iter_mut().zip(missing).for_each(|(v, missing)| *v += missing);
+        true
     }
 
     /// Rate of the momentum of all that moves, about the centre of mass, in world axes: `Ag a + Agdot v`. With `a = 0`

@@ -169,6 +169,24 @@ pub(super) const EQUALITY: Schema = Schema {
     ],
 };
 
+/// `<connect>` and `<weld>` of bodies.
+pub(super) const HELD: Schema = Schema {
+    kind: "equality",
+    groups: &[
+        (Use::Read, &["name", "class", "active", "body1", "body2", "anchor", "relpose"]),
+        (Use::NoEffect, &["solref", "solimp", "torquescale"]),
+        (Use::Refused("name bodies, by body1 and body2"), &["site1", "site2"]),
+    ],
+};
+
+pub(super) const HFIELD: Schema = Schema {
+    kind: "",
+    groups: &[
+        (Use::Read, &["name", "file", "nrow", "ncol", "size", "elevation"]),
+        (Use::NoEffect, &["content_type"]),
+    ],
+};
+
 pub(super) const TENDON: Schema = Schema {
     kind: "tendon",
     groups: &[

@@ -1,20 +1,25 @@
-//! Worlds from MJCF: gravity, planes, fixed geoms and free bodies.
+//! Worlds from MJCF: gravity, planes, height fields, fixed geoms, free bodies, and what holds these together.
 
+use std::collections::HashMap;
 use std::path::Path;
 
 use nalgebra::Isometry3;
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::attributes::{Attributes, MAIN};
+use super::attributes::{Attributes, Element, MAIN, named};
 use super::bodies::body_name;
 use super::build::parsed;
 use super::compiler::Compiler;
 use super::error::{MjcfError, MjcfProblem};
+use super::free_bodies::{FreeGeom, Weight, object};
 use super::geoms::{Geom, Geoms};
-use super::include;
+use super::held::{Held, connections};
 use super::pose::pose;
 use super::schema::{BODY, FRAME, FREEJOINT, GEOM, JOINT, OPTION};
 use super::sections::read_assets;
+use super::{height_fields, include};
+use crate::nearest::nearest;
+use crate::world::unique;
 use crate::{
     BasePose, Geometry, Ground, MeshCollision, MeshShape, ModelWarning, Object, ObjectShape, ShapeSource,
     TriangleMesh, World,
@@ -35,14 +40,15 @@ pub struct MjcfWorld {
 const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
 
 /// Sections of robots.
-const OF_ROBOTS: [&str; 4] = ["equality", "tendon", "actuator", "keyframe"];
+const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 
 /// Reads MJCF `text` as a world. `file` is where it came from: for messages, and to find meshes beside it.
 ///
-/// Geoms of bodies that do not move become fixed objects, a level plane without ends the ground, a body with a free joint and one
-/// geom an object that moves: with the mass that the geom has there. Meshes touch by their convex hull, as in MuJoCo. Bodies with other joints, several geoms
-/// on a free body, height fields, and what else a world does not hold are refused with their place. Geoms that touch nothing are left
-/// out with a warning.
+/// Geoms of bodies that do not move become fixed objects, height fields among them, a level plane without ends the ground, a body with a
+/// free joint an object that moves: of one shape or of several, with the masses that its geoms have there. Meshes touch by their convex
+/// hull, as in MuJoCo, height fields by their triangles. `<connect>` and `<weld>` become connections of objects. Bodies with other
+/// joints, and what else a world does not hold, are refused with their place. Geoms that touch nothing and have no mass are left out with
+/// a warning.
 ///
 /// # Errors
 ///
@@ -78,6 +84,12 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
         return Err(attributes.error(root, MjcfProblem::Root(root.tag_name().name().to_owned())));
     }
     let compiler = Compiler::read(root, &attributes)?;
+    if compiler.total_mass.is_some() {
+        let node = root.children().find(|node| node.has_attribute("settotalmass")).unwrap_or(root);
+        let value = node.attribute("settotalmass").unwrap_or_default();
+        let reason = "it changes masses; write the changed ones out";
+        return Err(attributes.refused(node, "settotalmass", value, reason));
+    }
     let mut geoms = Geoms {
         attributes: &attributes,
         compiler: &compiler,
@@ -110,7 +122,7 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
                     }
                 }
             }
-            "compiler" | "default" | "worldbody" => {}
+            "compiler" | "default" | "worldbody" | "equality" => {}
             name if SKIPPED.contains(&name) => {}
             name if OF_ROBOTS.contains(&name) => {
                 let problem = format!(
@@ -121,11 +133,16 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
             name => return Err(attributes.error(section, MjcfProblem::Element(name.to_owned()))),
         }
     }
-    let mut reader = Reader { geoms: &geoms, world };
+    let fields = height_fields::read(root, &attributes, &compiler, file)?;
+    let (bodies, free, within) = (HashMap::new(), Vec::new(), Vec::new());
+    let mut reader = Reader { geoms: &geoms, fields, world, bodies, free, within };
     for section in root.children().filter(|section| section.has_tag_name("worldbody")) {
         reader.contents(section, &Place { within: Isometry3::identity(), class: MAIN, frees: false })?;
     }
-    let Reader { world, .. } = reader;
+    let Reader { mut world, bodies, .. } = reader;
+    for section in root.children().filter(|section| section.has_tag_name("equality")) {
+        world.connections.extend(connections(section, &attributes, &bodies)?);
+    }
     Ok(MjcfWorld { world, states_gravity, warnings: attributes.warnings() })
 }
 
@@ -136,13 +153,21 @@ struct Place<'a> {
     within: Isometry3<f64>,
     /// The default class.
     class: &'a str,
-    /// The body around has a free joint.
+    /// The body around has a free joint, or is fixed to one that has.
     frees: bool,
 }
 
 struct Reader<'b, 'a, 'i> {
     geoms: &'b Geoms<'b, 'a, 'i>,
+    /// The solids of height fields.
+    fields: HashMap<String, TriangleMesh>,
     world: World,
+    /// The places of bodies by their names.
+    bodies: HashMap<String, Held>,
+    /// The geoms of the free body that is being read.
+    free: Vec<FreeGeom<'a, 'i>>,
+    /// The bodies that it consists of, with their poses in the world.
+    within: Vec<(String, Isometry3<f64>)>,
 }
 
 impl<'a, 'i> Reader<'_, 'a, 'i> {
@@ -156,7 +181,6 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
 
     fn contents(&mut self, node: Node<'a, 'i>, place: &Place<'a>) -> Result<(), MjcfError> {
         let attributes = self.geoms.attributes;
-        let mut found = 0;
         for element in node.children().filter(Node::is_element) {
             match element.tag_name().name() {
                 "frame" => {
@@ -164,22 +188,10 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                     let within = place.within * pose(&frame, self.geoms.compiler)?;
                     let class = element.attribute("childclass").unwrap_or(place.class);
                     attributes.known_class(element, class)?;
-                    if place.frees {
-                        return Err(self.other(
-                            element,
-                            "a frame in a body with a free joint is not read; give its geom the pose",
-                        ));
-                    }
                     self.contents(element, &Place { within, class, ..*place })?;
                 }
-                "body" if place.frees => {
-                    return Err(self.other(
-                        element,
-                        "a body that moves within another is part of a robot: a world holds none",
-                    ));
-                }
                 "body" => self.body(element, place)?,
-                "geom" => found += usize::from(self.geom(element, place, found)?),
+                "geom" => self.geom(element, place)?,
                 "inertial" => {
                     return Err(self.other(
                         element,
@@ -191,11 +203,6 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                 "site" | "camera" | "light" => {}
                 name => return Err(attributes.error(element, MjcfProblem::Element(name.to_owned()))),
             }
-        }
-        if place.frees && found == 0 {
-            return Err(
-                self.other(node, "a body that moves has no geom that touches anything: an object needs one")
-            );
         }
         Ok(())
     }
@@ -219,32 +226,65 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                     "a body on a joint is part of a robot: a world holds fixed bodies and free ones; load the robot by a table of its own",
                 ));
             }
+            if around.frees {
+                return Err(
+                    self.other(joint, "a free joint in a body that moves; it belongs to a body of the world")
+                );
+            }
             frees = true;
         }
-        self.contents(node, &Place { within, class, frees })
+        let place = Place { within, class, frees: frees || around.frees };
+        if !place.frees {
+            self.bodies.insert(body_name(node), Held::world(within));
+            return self.contents(node, &place);
+        }
+        self.within.push((body_name(node), within));
+        self.contents(node, &place)?;
+        if !frees {
+            return Ok(());
+        }
+        let (free, bodies) = (std::mem::take(&mut self.free), std::mem::take(&mut self.within));
+        let object = object(&self.world, attributes, (node, &within), free)?;
+        let frame = object.pose();
+        for (name, pose) in bodies {
+            self.bodies.insert(name, Held { object: object.name.clone(), frame: frame.inv_mul(&pose) });
+        }
+        self.world.objects.push(object);
+        Ok(())
     }
 
-    /// Adds what a geom stands for; false for one that touches nothing.
-    fn geom(&mut self, node: Node<'a, 'i>, place: &Place<'a>, before: usize) -> Result<bool, MjcfError> {
+    /// Adds what a geom stands for.
+    fn geom(&mut self, node: Node<'a, 'i>, place: &Place<'a>) -> Result<(), MjcfError> {
         let attributes = self.geoms.attributes;
         let read = attributes.element(node, place.class, &GEOM)?;
-        let Geom { placement, geometry, kept, inertia, .. } =
-            self.geoms.read(node, place.class, !place.frees)?;
-        if !kept {
-            attributes.ignored(node, "geom".to_owned(), "it touches nothing, and a world holds what touches");
-            return Ok(false);
-        }
-        if place.frees && before > 0 {
-            return Err(
-                self.other(node, "a second geom of a body that moves is not read: an object has one shape")
-            );
-        }
         let [friction, torsional, rolling] = read.first_numbers("friction", [1.0, 0.005, 0.0001])?;
         let directions = read.number("condim", 3.0)?;
         let friction = if directions > 1.0 { friction } else { 0.0 };
         let torsional_friction = if directions > 3.0 { torsional } else { 0.0 };
         let rolling_friction = if directions > 4.0 { rolling } else { 0.0 };
+        let surface = Object { friction, torsional_friction, rolling_friction, ..Object::default() };
+        if read.get("type") == Some("hfield") {
+            return self.field(&read, place, surface);
+        }
+        let Geom { placement, geometry, kept, inertia, .. } =
+            self.geoms.read(node, place.class, !place.frees)?;
+        if !kept && place.frees && !inertia.as_ref().is_ok_and(|inertia| inertia.mass == 0.0) {
+            return Err(self.other(
+                node,
+                "a geom that touches nothing has a mass, and an object has that of what touches: give it mass=\"0\"",
+            ));
+        }
+        if !kept {
+            attributes.ignored(node, "geom".to_owned(), "it touches nothing, and a world holds what touches");
+            return Ok(());
+        }
         let pose = place.within * placement;
+        if place.frees {
+            let weight = Weight::of(&geometry, inertia, &read)?;
+            let shape = shape(&geometry, &read)?;
+            self.free.push(FreeGeom { node, pose, shape, weight, surface });
+            return Ok(());
+        }
         let size = read.first_numbers("size", [0.0; 3])?;
         let up = pose.rotation * nalgebra::Vector3::z();
         if read.get("type") == Some("plane") && size[0] <= 0.0 && size[1] <= 0.0 && up.z > 1.0 - 1e-9 {
@@ -255,77 +295,56 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
                 ));
             }
             // The plane is the top of the box that stands for it.
-            let Geometry::Box { size } = geometry else { return Ok(false) };
+            let Geometry::Box { size } = geometry else { return Ok(()) };
             let height = pose.translation.z + 0.5 * size.z;
             self.world.ground =
                 Some(Ground { height, friction, torsional_friction, rolling_friction, ..Ground::default() });
-            return Ok(true);
+            return Ok(());
         }
-        let (name, shape) = (self.name(node, place.frees), shape(&geometry, &read)?);
-        let mass = if place.frees { Some(self.mass(node, &geometry, inertia, &read)?) } else { None };
-        let (mass, density) = match mass {
-            Some(Weight::Mass(mass)) => (Some(mass), None),
-            Some(Weight::Density(density)) => (None, Some(density)),
-            None => (None, None),
+        let shape = shape(&geometry, &read)?;
+        self.fixed(node, shape, &pose, surface);
+        Ok(())
+    }
+
+    /// Adds a height field: a fixed object that touches by its triangles.
+    fn field(
+        &mut self,
+        read: &Element<'_, 'a, 'i>,
+        place: &Place<'a>,
+        surface: Object,
+    ) -> Result<(), MjcfError> {
+        if place.frees {
+            return Err(read.refused("type", "a height field does not move"));
+        }
+        let name = read.get("hfield").ok_or_else(|| read.missing("hfield"))?;
+        let Some(mesh) = self.fields.get(name) else {
+            let nearest = nearest(name, self.fields.keys().map(String::as_str)).map(str::to_owned);
+            let (element, name) = (named(read.node), name.to_owned());
+            return Err(read.error(MjcfProblem::Unknown { element, what: "hfield", name, nearest }));
         };
-        let BasePose { position, rpy } = BasePose::of(&pose);
-        self.world.objects.push(Object {
-            name,
-            shape,
-            mass,
-            density,
-            position,
-            rpy,
-            friction,
-            torsional_friction,
-            rolling_friction,
-            ..Object::default()
-        });
-        Ok(true)
+        let masks = [read.number("contype", 1.0)?, read.number("conaffinity", 1.0)?];
+        if masks == [0.0; 2] {
+            let reason = "it touches nothing, and a world holds what touches";
+            self.geoms.attributes.ignored(read.node, "geom".to_owned(), reason);
+            return Ok(());
+        }
+        let shape = MeshShape::of_mesh(name, mesh.clone(), MeshCollision::Triangles);
+        let pose = place.within * pose(read, self.geoms.compiler)?;
+        self.fixed(read.node, ObjectShape::Mesh(shape), &pose, surface);
+        Ok(())
     }
 
-    /// Mass of a geom that moves.
-    fn mass(
-        &self,
-        node: Node<'a, 'i>,
-        geometry: &Geometry,
-        inertia: Result<crate::Inertia, MjcfError>,
-        read: &super::attributes::Element<'_, 'a, 'i>,
-    ) -> Result<Weight, MjcfError> {
-        if let Geometry::Mesh { .. } = geometry {
-            let mass = read.numbers::<1>("mass")?.map(|[mass]| Weight::Mass(mass));
-            return Ok(mass.unwrap_or(Weight::Density(read.number("density", super::geoms::WATER)?)));
-        }
-        let mass = inertia?.mass;
-        if mass > 0.0 {
-            return Ok(Weight::Mass(mass));
-        }
-        Err(self.other(node, "a body that moves has a geom without a mass"))
-    }
-
-    /// The name of the body for what moves, else that of the geom, else of its body; with a number where it is taken.
-    fn name(&self, node: Node<'a, 'i>, moves: bool) -> String {
+    /// Adds an object that does not move, called as the geom, else as its body.
+    fn fixed(&mut self, node: Node<'a, 'i>, shape: ObjectShape, pose: &Isometry3<f64>, surface: Object) {
         let body = node.ancestors().find(|node| node.has_tag_name("body")).map(body_name);
-        let own = node.attribute("name").map(str::to_owned);
-        let name = if moves { body.or(own) } else { own.or(body) };
-        let name = name.unwrap_or_else(|| "geom".to_owned());
-        let taken = |name: &str| self.world.objects.iter().any(|object| object.name == name);
-        if !taken(&name) {
-            return name;
-        }
-        (2..).map(|number| format!("{name}_{number}")).find(|name| !taken(name)).unwrap_or(name)
+        let name = node.attribute("name").map(str::to_owned).or(body);
+        let name = unique(&self.world, name.as_deref().unwrap_or("geom"));
+        let BasePose { position, rpy } = BasePose::of(pose);
+        self.world.objects.push(Object { name, shape, position, rpy, ..surface });
     }
 }
 
-enum Weight {
-    Mass(f64),
-    Density(f64),
-}
-
-fn shape(
-    geometry: &Geometry,
-    read: &super::attributes::Element<'_, '_, '_>,
-) -> Result<ObjectShape, MjcfError> {
+fn shape(geometry: &Geometry, read: &Element<'_, '_, '_>) -> Result<ObjectShape, MjcfError> {
     Ok(match geometry {
         Geometry::Box { size } => ObjectShape::Box { size: (*size).into() },
         Geometry::Cylinder { radius, length } => ObjectShape::Cylinder { radius: *radius, length: *length },

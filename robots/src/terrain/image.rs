@@ -2,15 +2,20 @@
 
 use std::path::Path;
 
+use crate::file::read_bounded;
+
 /// Pixels of one picture at most.
 const MOST: usize = 1 << 24;
+
+/// Longest file of a picture, bytes.
+const LONGEST: u64 = 256 * 1024 * 1024;
 
 /// The first bytes of every PNG file.
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 /// A greyscale picture: 0 black, 1 white.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Picture {
+pub(crate) struct Picture {
     /// Pixels along a row, and rows.
     size: [usize; 2],
     /// Row by row, the top one first.
@@ -19,8 +24,8 @@ pub(super) struct Picture {
 
 impl Picture {
     /// Reads a file; the error says what was found and what was expected.
-    pub(super) fn read(path: &Path) -> Result<Self, String> {
-        let bytes = std::fs::read(path).map_err(|error| error.to_string())?;
+    pub(crate) fn read(path: &Path) -> Result<Self, String> {
+        let bytes = read_bounded(path, LONGEST).map_err(|error| error.to_string())?;
         Self::decode(&bytes)
     }
 
@@ -59,6 +64,16 @@ impl Picture {
             core::mem::swap(&mut above, &mut row);
         }
         Ok(Self { size, grey })
+    }
+
+    /// Pixels along a row, and rows.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        self.size
+    }
+
+    /// The grey of each pixel, row by row, the top one first.
+    pub(crate) fn grey(&self) -> &[f64] {
+        &self.grey
     }
 
     /// The grey at a place from 0, left, to 1, right, and from 0, top, to 1, bottom, as the four pixels around it have it: the middles

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::Softness;
 pub(crate) use field::nearest_on_triangle;
 pub use field::{HeightField, NearTriangle};
+pub(crate) use image::Picture;
 pub use layers::TerrainLayer;
 
 /// Heights of one terrain at most.

@@ -74,11 +74,13 @@ impl World {
             self.ground = world.ground;
         }
         self.objects.splice(0..0, world.objects);
+        self.connections.splice(0..0, world.connections);
         Ok(warnings)
     }
 }
 
-fn read(path: &Path) -> Result<Read, WorldFileError> {
+/// Reads a file that holds a world.
+pub(super) fn read(path: &Path) -> Result<Read, WorldFileError> {
     let failed = |reason: String| WorldFileError::Read { path: path.to_owned(), reason };
     let bytes = read_bounded(path, LONGEST).map_err(|error| failed(error.to_string()))?;
     let text = String::from_utf8(bytes).map_err(|_| failed("not a text file in UTF-8".to_owned()))?;
@@ -166,7 +168,7 @@ pub(super) fn fixed(name: String, shape: ObjectShape, pose: &Isometry3<f64>) -> 
 }
 
 /// A name, with a number where it is taken.
-pub(super) fn unique(world: &World, name: &str) -> String {
+pub(crate) fn unique(world: &World, name: &str) -> String {
     let taken = |name: &str| world.objects.iter().any(|object| object.name == name);
     if !taken(name) {
         return name.to_owned();

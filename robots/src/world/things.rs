@@ -1,10 +1,12 @@
 //! The things of a world: the ground and the objects, with their shapes and surfaces.
 
+use std::path::Path;
+
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Copies, Grain, MeshShape, Softness, WorldError, positive};
+use super::{CompoundPart, Copies, Grain, MeshShape, Softness, WorldError, compound, positive};
 use crate::{ConvexShape, Geometry};
 
 /// A horizontal plane, solid below.
@@ -90,7 +92,7 @@ pub struct Conveyor {
 pub struct Object {
     /// Name, unique in the world; neither `ground` nor `terrain` nor that of a robot link.
     pub name: String,
-    /// Its shape, centred on its origin, of uniform density. A mesh keeps the origin of its file.
+    /// Its shape, centred on its origin, of uniform density. A mesh keeps the origin of its file, a compound that of its parts.
     pub shape: ObjectShape,
     /// Mass (kg). Without it, and without a density, the object is fixed.
     #[serde(default)]
@@ -105,6 +107,12 @@ pub struct Object {
     /// Orientation: roll, pitch, yaw about the fixed axes x, y, z, in this order (rad).
     #[serde(default)]
     pub rpy: [f64; 3],
+    /// Velocity of its centre of mass at the start, world axes (m/s). Default: at rest.
+    #[serde(default)]
+    pub velocity: [f64; 3],
+    /// Its angular velocity at the start, world axes (rad/s).
+    #[serde(default)]
+    pub angular_velocity: [f64; 3],
     /// Coefficient of friction. That of a contact is the mean of both surfaces'.
     #[serde(default = "default_friction")]
     #[schemars(range(min = 0.0))]
@@ -159,6 +167,8 @@ impl Default for Object {
             density: None,
             position: [0.0; 3],
             rpy: [0.0; 3],
+            velocity: [0.0; 3],
+            angular_velocity: [0.0; 3],
             friction: DEFAULT_FRICTION,
             torsional_friction: 0.0,
             rolling_friction: 0.0,
@@ -202,6 +212,8 @@ pub enum ObjectShape {
     },
     /// A mesh.
     Mesh(MeshShape),
+    /// Several shapes that are rigidly joined.
+    Compound(Vec<CompoundPart>),
 }
 
 /// Mass properties of an object.
@@ -227,7 +239,11 @@ impl Object {
 
     /// True when it has a mass, and so moves.
     pub fn is_dynamic(&self) -> bool {
-        self.mass.is_some() || self.density.is_some()
+        let of_parts = || match &self.shape {
+            ObjectShape::Compound(parts) => compound::stated_mass(parts).is_some(),
+            _ => false,
+        };
+        self.mass.is_some() || self.density.is_some() || of_parts()
     }
 
     /// Mass and inertia of an object that moves; `None` for one that is fixed, or whose mesh cannot be read.
@@ -239,24 +255,38 @@ impl Object {
     /// assert!((cube.mass_properties().unwrap().mass - 1.0).abs() < 1e-12);
     /// ```
     pub fn mass_properties(&self) -> Option<ObjectMass> {
-        let mass = || self.mass.or_else(|| Some(self.density? * self.shape.volume()?));
-        match &self.shape {
-            ObjectShape::Mesh(mesh) => {
-                let properties = mesh.body().ok()?.properties?;
-                let (frame, moments) = properties.principal();
-                let mass = mass()?;
-                Some(ObjectMass { mass, frame: Some(frame), moments: moments * mass })
-            }
-            shape => {
-                let mass = mass()?;
-                Some(ObjectMass { mass, frame: None, moments: shape.principal_inertia(mass) })
-            }
-        }
+        let of_volume = || Some(self.density? * self.shape.volume()?);
+        let of_parts = || match &self.shape {
+            ObjectShape::Compound(parts) => compound::stated_mass(parts),
+            _ => None,
+        };
+        self.shape.mass_properties(self.mass.or_else(of_volume).or_else(of_parts)?)
     }
 }
 
 impl ObjectShape {
-    /// Volume \[m3\]; `None` for a mesh that has none or cannot be read.
+    /// Lets relative paths of its meshes begin at a folder.
+    pub(super) fn locate(&mut self, folder: &Path) {
+        match self {
+            Self::Mesh(mesh) => mesh.locate(folder),
+            Self::Compound(parts) => parts.iter_mut().for_each(|part| part.shape.locate(folder)),
+            _ => {}
+        }
+    }
+
+    /// Mass properties of `mass` \[kg\] spread over the shape; `None` for a mesh that cannot be read.
+    pub(super) fn mass_properties(&self, mass: f64) -> Option<ObjectMass> {
+        match self {
+            Self::Compound(parts) => compound::mass_properties(parts, mass),
+            Self::Mesh(mesh) => {
+                let (frame, moments) = mesh.body().ok()?.properties?.principal();
+                Some(ObjectMass { mass, frame: Some(frame), moments: moments * mass })
+            }
+            shape => Some(ObjectMass { mass, frame: None, moments: shape.principal_inertia(mass) }),
+        }
+    }
+
+    /// Volume \[m3\]; `None` for a mesh that has none or cannot be read. Where parts of a compound overlap each counts.
     pub fn volume(&self) -> Option<f64> {
         use core::f64::consts::PI;
         Some(match self {
@@ -265,6 +295,7 @@ impl ObjectShape {
             Self::Cylinder { radius, length } => PI * radius * radius * length,
             Self::Capsule { radius, length } => PI * radius * radius * (length + 4.0 / 3.0 * radius),
             Self::Mesh(mesh) => mesh.body().ok()?.properties?.volume,
+            Self::Compound(parts) => return compound::volume(parts),
         })
     }
 
@@ -288,15 +319,15 @@ impl ObjectShape {
                     + ends * (0.4 * squared + 0.25 * length * length + 0.375 * length * radius);
                 Vector3::new(across, across, (0.5 * rod + 0.4 * ends) * squared)
             }
-            Self::Mesh(ref mesh) => {
-                let properties = mesh.body().ok().and_then(|body| body.properties);
-                properties.map_or(Vector3::repeat(f64::NAN), |properties| properties.principal().1 * mass)
+            Self::Mesh(_) | Self::Compound(_) => {
+                self.mass_properties(mass).map_or(Vector3::repeat(f64::NAN), |own| own.moments)
             }
         }
     }
 
-    /// The shapes of a collision model by which it touches, each about the origin of the object; none for a mesh that cannot be read.
-    pub fn geometries(&self) -> Vec<Geometry> {
+    /// The shapes of a collision model by which it touches, with the frame of each in that of the object; none for a mesh that cannot be
+    /// read.
+    pub fn geometries(&self) -> Vec<(Isometry3<f64>, Geometry)> {
         let simple = match *self {
             Self::Box { size } => Geometry::Box { size: Vector3::from(size) },
             Self::Sphere { radius } => Geometry::Sphere { radius },
@@ -304,15 +335,23 @@ impl ObjectShape {
             Self::Capsule { radius, length } => Geometry::Capsule { radius, length },
             Self::Mesh(ref mesh) => {
                 let name = mesh.file.display().to_string();
-                return mesh.body().map(|body| body.geometries(&name)).unwrap_or_default();
+                let parts = mesh.body().map(|body| body.geometries(&name)).unwrap_or_default();
+                return parts.into_iter().map(|part| (Isometry3::identity(), part)).collect();
+            }
+            Self::Compound(_) => {
+                let of = |(frame, shape): (Isometry3<f64>, &Self)| {
+                    let placed = move |(within, geometry)| (frame * within, geometry);
+                    shape.geometries().into_iter().map(placed).collect::<Vec<_>>()
+                };
+                return self.shapes().into_iter().flat_map(of).collect();
             }
         };
-        vec![simple]
+        vec![(Isometry3::identity(), simple)]
     }
 
-    /// The shape as a convex one: of a mesh, its convex hull.
-    pub fn convex_shape(&self) -> ConvexShape {
-        match *self {
+    /// The shape as a convex one: of a mesh its convex hull; `None` for a compound, whose [`shapes`](Self::shapes) have one each.
+    pub fn convex_shape(&self) -> Option<ConvexShape> {
+        Some(match *self {
             Self::Box { size } => ConvexShape::Box { half: Vector3::from(size) * 0.5 },
             Self::Sphere { radius } => ConvexShape::Sphere { radius },
             Self::Cylinder { radius, length } => ConvexShape::Cylinder { radius, half_length: 0.5 * length },
@@ -321,23 +360,21 @@ impl ObjectShape {
                 let hull = mesh.body().ok().and_then(|body| body.mesh.hull(usize::MAX));
                 ConvexShape::Hull { points: hull.map(|hull| hull.points).unwrap_or_default() }
             }
-        }
+            Self::Compound(_) => return None,
+        })
     }
 
-    /// The shape as a geometry: of a mesh, the mesh.
-    pub fn geometry(&self) -> Geometry {
-        let whole = |mesh: &MeshShape| {
-            let body = mesh.body().ok();
-            Geometry::Mesh {
+    /// The shape as a geometry: of a mesh, the mesh; `None` for a compound, whose [`shapes`](Self::shapes) have one each.
+    pub fn geometry(&self) -> Option<Geometry> {
+        match self {
+            Self::Mesh(mesh) => Some(Geometry::Mesh {
                 uri: mesh.file.display().to_string(),
                 path: Some(mesh.file.clone()),
-                inline: body.map(|body| std::sync::Arc::new(body.mesh.clone())),
+                inline: mesh.body().ok().map(|body| std::sync::Arc::new(body.mesh.clone())),
                 scale: Vector3::repeat(1.0),
-            }
-        };
-        match self {
-            Self::Mesh(mesh) => whole(mesh),
-            simple => simple.geometries().remove(0),
+            }),
+            Self::Compound(_) => None,
+            simple => simple.geometries().into_iter().next().map(|(_, geometry)| geometry),
         }
     }
 
@@ -349,6 +386,7 @@ impl ObjectShape {
                 [("radius", radius), ("length", length), ("length", length)]
             }
             Self::Mesh(ref mesh) => return mesh.check(owner, moves),
+            Self::Compound(ref parts) => return compound::check(owner, parts, false),
         };
         dimensions.into_iter().try_for_each(|(field, value)| positive(owner, field, value))
     }

@@ -99,7 +99,6 @@ fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
     let moves = object.is_dynamic();
     let of_its_own = moves && told;
     let (position, rpy) = if of_its_own { ([0.0; 3], [0.0; 3]) } else { (object.position, object.rpy) };
-    let pose = pose(position, rpy);
     let color = match colour {
         Some(stated) => Some(opaque(stated)),
         None => Some(if moves { FREE } else { FIXED }),
@@ -110,7 +109,19 @@ fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
         frame_locked: true,
         ..SceneEntity::default()
     };
-    match object.shape {
+    add_shape(&mut entity, &object.shape, (position, rpy), color);
+    entity
+}
+
+/// Adds what a shape looks like at a pose.
+fn add_shape(
+    entity: &mut SceneEntity,
+    shape: &ObjectShape,
+    (position, rpy): ([f64; 3], [f64; 3]),
+    color: Option<Color>,
+) {
+    let pose = pose(position, rpy);
+    match *shape {
         ObjectShape::Box { size } => {
             entity.cubes.push(CubePrimitive { pose, size: Some(vector(size)), color });
         }
@@ -120,7 +131,7 @@ fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
         ObjectShape::Cylinder { radius, length } | ObjectShape::Capsule { radius, length } => {
             let size = Some(vector([2.0 * radius, 2.0 * radius, length]));
             let (bottom_scale, top_scale) = (1.0, 1.0);
-            if matches!(object.shape, ObjectShape::Capsule { .. }) {
+            if matches!(shape, ObjectShape::Capsule { .. }) {
                 let ends = [-0.5 * length, 0.5 * length].map(|z| moved(position, rpy, z));
                 entity.spheres.extend(ends.map(|end| sphere(end, radius, color)));
             }
@@ -133,8 +144,14 @@ fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
             let indices = (0..points.len() as u32).collect();
             TriangleListPrimitive { pose, points, color, colors: Vec::new(), indices }
         })),
+        ObjectShape::Compound(_) => {
+            let around = BasePose { position, rpy }.isometry();
+            for (frame, part) in shape.shapes() {
+                let BasePose { position, rpy } = BasePose::of(&(around * frame));
+                add_shape(entity, part, (position, rpy), color);
+            }
+        }
     }
-    entity
 }
 
 fn sphere(pose: Option<Pose>, radius: f64, color: Option<Color>) -> SpherePrimitive {

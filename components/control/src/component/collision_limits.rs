@@ -115,7 +115,7 @@ impl CollisionConfig {
         let objects = self.add_objects(&key("objects"), &mut solids, model, world)?;
         for [one, other] in &self.ignore {
             for name in [one, other] {
-                let is_object = objects.iter().any(|(index, _)| world.objects[*index].name == *name);
+                let is_object = objects.iter().any(|(index, ..)| world.objects[*index].name == *name);
                 if name == GROUND || is_object {
                     continue;
                 }
@@ -149,7 +149,7 @@ impl CollisionConfig {
         }
         let recovery = in_range(&key("recovery"), self.recovery, 0.0..=1.0)?;
         let settings = CollisionSettings { distance, range, rate, recovery, pairs: self.pairs };
-        let moving = objects.into_iter().filter(|(index, _)| world.objects[*index].is_dynamic());
+        let moving = objects.into_iter().filter(|(index, ..)| world.objects[*index].is_dynamic());
         Ok(CollisionLimit::new(model, solids, settings).objects(moving))
     }
 
@@ -163,14 +163,14 @@ impl CollisionConfig {
         world.objects.iter().filter(named).any(Object::is_dynamic)
     }
 
-    /// Adds the objects as obstacles. Returns the index of each in the world, and of its solid.
+    /// Adds the objects as obstacles. Returns the index of each in the world, that of its solid, and the frame of this in the object.
     fn add_objects(
         &self,
         key: &str,
         solids: &mut CollisionModel,
         model: &Model,
         world: &World,
-    ) -> Result<Vec<(usize, usize)>, ConfigError> {
+    ) -> Result<Vec<(usize, usize, Isometry3<f64>)>, ConfigError> {
         let Some(wanted) = &self.objects else { return Ok(Vec::new()) };
         let mistaken = |error: String| ConfigError::key("world", error);
         let plain = World { objects: world.objects.clone(), ..World::default() };
@@ -200,11 +200,14 @@ impl CollisionConfig {
                 );
                 return Err(mistaken(message).advise("name objects that move first"));
             }
-            let (shape, meshes) = (object.shape.geometry(), CollisionOptions::default().meshes);
-            let solid = solids
-                .add_obstacle(&object.name, object.pose(), shape, meshes)
-                .map_err(|error| mistaken(error.to_string()))?;
-            added.push((index, solid));
+            let meshes = CollisionOptions::default().meshes;
+            for (frame, shape) in object.shape.shapes() {
+                let Some(shape) = shape.geometry() else { continue };
+                let solid = solids
+                    .add_obstacle(&object.name, object.pose() * frame, shape, meshes)
+                    .map_err(|error| mistaken(error.to_string()))?;
+                added.push((index, solid, frame));
+            }
         }
         Ok(added)
     }

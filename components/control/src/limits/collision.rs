@@ -54,7 +54,7 @@ impl Default for CollisionSettings {
 /// let at = Isometry3::translation(0.6, 0.0, 0.3);
 /// let ball = solids.add_obstacle("ball", at, Geometry::Sphere { radius: 0.1 }, MeshMode::default())?;
 /// // the ball is the first object of the world, and moves
-/// let mut limit = CollisionLimit::new(&panda, solids, CollisionSettings::default()).objects([(0, ball)]);
+/// let mut limit = CollisionLimit::new(&panda, solids, CollisionSettings::default()).objects([(0, ball, Isometry3::identity())]);
 /// limit.move_object(0, &Isometry3::translation(0.6, 0.2, 0.3));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -66,7 +66,7 @@ pub struct CollisionLimit {
     witnesses: Vec<Proximity>,
     row: Vec<f64>,
     /// Objects of the world that move, each with its solid.
-    objects: Vec<(usize, usize)>,
+    objects: Vec<(usize, usize, Isometry3<f64>)>,
 }
 
 impl CollisionLimit {
@@ -83,10 +83,10 @@ impl CollisionLimit {
         }
     }
 
-    /// The same limit with obstacles that [`move_object`](RowLimit::move_object) moves: index of the object in the world, and of its
-    /// solid in the collision model.
+    /// The same limit with obstacles that [`move_object`](RowLimit::move_object) moves: index of the object in the world, of its
+    /// solid in the collision model, and frame of the solid in the object.
     #[must_use]
-    pub fn objects(mut self, objects: impl IntoIterator<Item = (usize, usize)>) -> Self {
+    pub fn objects(mut self, objects: impl IntoIterator<Item = (usize, usize, Isometry3<f64>)>) -> Self {
         self.objects = objects.into_iter().collect();
         self
     }
@@ -124,8 +124,8 @@ impl RowLimit for CollisionLimit {
     }
 
     fn move_object(&mut self, object: usize, pose: &Isometry3<f64>) {
-        for (_, solid) in self.objects.iter().filter(|(moved, _)| *moved == object) {
-            self.workspace.move_obstacle(&self.collisions, *solid, pose);
+        for (_, solid, frame) in self.objects.iter().filter(|(moved, ..)| *moved == object) {
+            self.workspace.move_obstacle(&self.collisions, *solid, &(pose * frame));
         }
     }
 }

@@ -271,6 +271,24 @@ impl JointSpaceIntegrator {
         }
     }
 
+    /// Momentum of a robot with a floating base at the start `v` of a step, linear and about the centre of mass, in the axes of the base: the
+    /// rows of the base of the mass matrix. `None` in a step of the midpoint rule, whose mass matrix is another.
+    pub(super) fn start_momentum(&self, v: &[f64]) -> Option<[Vector3<f64>; 2]> {
+        if self.midway {
+            return None;
+        }
+        let mut sum = [0.0; 6];
+        for (column, v) in self.mass.as_slice().chunks_exact(v.len()).zip(v) {
+            for (sum, entry) in sum.iter_mut().zip(column) {
+                *sum += entry * v;
+            }
+        }
+        let (linear, angular) = (Vector3::new(sum[0], sum[1], sum[2]), Vector3::new(sum[3], sum[4], sum[5]));
+        // The block of force and turn is the first moment of mass.
+        let moment = Vector3::new(self.mass[(5, 1)], self.mass[(3, 2)], self.mass[(4, 0)]);
+        Some([linear, angular - moment.cross(&linear) / self.mass[(0, 0)]])
+    }
+
     /// The end velocity of the present modes without impulses of contacts.
     pub(super) fn find_free(
         &mut self,

@@ -134,6 +134,7 @@ impl Engine for Articulated {
         triangles: true,
         changes: true,
         integrators: true,
+        connections: true,
     };
 
     fn build(
@@ -280,6 +281,10 @@ impl Engine for Articulated {
 
     fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
         self.scene.object_velocity(index)
+    }
+
+    fn set_object_velocity(&mut self, index: usize, linear: &Vector3<f64>, angular: &Vector3<f64>) {
+        self.scene.set_object_velocity(index, linear, angular);
     }
 
     fn connect(

@@ -22,7 +22,6 @@ pub(super) struct Part {
     pub(super) external: Vec<f64>,
     pub(super) actuators: Actuators,
     pub(super) frame_jacobian: DMatrix<f64>,
-    pub(super) momentum_map: DMatrix<f64>,
     /// Momentum at the start of an integration step in the air.
     pub(super) momentum: Option<Momentum>,
     /// Its modes are to be guessed again.
@@ -53,7 +52,6 @@ impl Part {
             rotor_force: vec![0.0; model.nv()],
             external: vec![0.0; model.nv()],
             frame_jacobian: DMatrix::zeros(6, model.nv()),
-            momentum_map: DMatrix::zeros(6, model.nv()),
             momentum: None,
             pending: false,
             settled: false,

@@ -2,9 +2,9 @@
 
 use core::ops::Range;
 
-use nalgebra::{Matrix6, Vector3, Vector6};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use motorium_robots::Reference;
+use motorium_robots::{Momentum, Reference};
 
 use super::implicit::GUESSES;
 use super::{Articulated, JointEvents, Part, Singular};
@@ -130,8 +130,6 @@ impl Part {
         }
         let (q, v) = (&state.q_next[own.q()], &state.v_next[own.v()]);
         let unpushed = self.external.iter().all(|force| *force == 0.0);
-        let in_the_air = model.base().floating && rotors.is_empty() && unpushed && !scene.is_held(of);
-        self.momentum = in_the_air.then(|| self.dynamics.momentum(model, q, v));
         let elastic = self.actuators.have_drivetrains();
         let commands = self.actuators.pass(
             commands,
@@ -141,6 +139,15 @@ impl Part {
         let free = self.method == Integrator::Midpoint && unpushed && !elastic && !scene.is_touched(of);
         let method = if free { Integrator::Midpoint } else { Integrator::Euler };
         self.integrator.begin(model, (q, v), commands, (*gravity, &self.rotor_force), (h, method));
+        let in_the_air = model.base().floating && rotors.is_empty() && unpushed && !scene.is_held(of);
+        self.momentum = in_the_air.then(|| match self.integrator.start_momentum(v) {
+            Some([linear, angular]) => {
+                // A base that floats has its axes as its coordinates have them.
+                let axes = UnitQuaternion::new_unchecked(Quaternion::new(q[6], q[3], q[4], q[5]));
+                Momentum { linear: axes * linear, angular: axes * angular }
+            }
+            None => self.dynamics.momentum(model, q, v),
+        });
         (self.pending, self.settled) = (true, false);
     }
 
@@ -153,37 +160,10 @@ impl Part {
         let (q, v, tau) = (&mut q_next[own.q()], &mut v_next[own.v()], &mut tau_next[joints]);
         let events = self.integrator.finish(model, (&mut *q, &mut *v), (h, self.settled), tau);
         self.actuators.apply(tau, h);
-        if let Some(before) = self.momentum.take() {
-            let linear = before.linear + *gravity * (h * model.mass());
-            self.keep_momentum(own, (q, v), linear, before.angular);
+        if let Some(mut momentum) = self.momentum.take() {
+            momentum.linear += *gravity * (h * model.mass());
+            self.dynamics.set_momentum(model, q, v, &momentum);
         }
         events
-    }
-
-    /// Corrects the velocity of the base in the next state so that the robot has this momentum \[kg m/s, kg m2/s\],
-    /// about the centre of mass.
-    fn keep_momentum(
-        &mut self,
-        own: &Articulation,
-        (q, v): (&[f64], &mut [f64]),
-        linear: Vector3<f64>,
-        angular: Vector3<f64>,
-    ) {
-        self.dynamics.centroidal_map(&own.model, q, &mut self.momentum_map);
-        let mut missing = Vector6::zeros();
-        missing.fixed_rows_mut::<3>(0).copy_from(&linear);
-        missing.fixed_rows_mut::<3>(3).copy_from(&angular);
-        for (column, v) in self.momentum_map.column_iter().zip(&*v) {
-            // Entry by entry: a scaled column of this matrix would be a new one on the heap.
-            for (missing, entry) in missing.iter_mut().zip(column.iter()) {
-                *missing -= entry * v;
-            }
-        }
-        let base: Matrix6<f64> = self.momentum_map.fixed_view::<6, 6>(0, 0).into_owned();
-        if let Some(correction) = base.lu().solve(&missing) {
-            for (v, correction) in v.iter_mut().zip(correction.iter()) {
-                *v += correction;
-            }
-        }
     }
 }

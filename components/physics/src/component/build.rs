@@ -56,17 +56,9 @@ pub(super) fn build<E: PhysicsEngine>(
     folder: &Path,
 ) -> Result<Built<E>, ConfigError> {
     let mut config = config.clone();
-    let stated = config.world.gravity;
     let located = config.world.locate(folder);
     let located = located.map_err(|error| ConfigError::key("world", error.to_string()))?;
-    let mut doubts: Vec<String> = located.iter().map(|warning| format!("world: {warning}")).collect();
-    let gravity = config.world.gravity;
-    if gravity != stated {
-        doubts.push(format!(
-            "the file of the world states a gravity of {gravity:?}, and controllers reckon with that of the graph: write `gravity = {gravity:?}` \
-             beside `file`"
-        ));
-    }
+    let doubts = located.iter().map(|warning| format!("world: {warning}")).collect();
     let built = match (robot, robots) {
         (Some(robot), _) => one(&config, robot, folder),
         (None, []) => Err(ConfigError::new("it simulates a robot, but the component names none")

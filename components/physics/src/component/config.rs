@@ -324,9 +324,10 @@ pub(super) fn refused(error: BuildError) -> ConfigError {
         BuildError::Unable { ref owner, surface: Some(surface), .. } => {
             ConfigError::key(format!("surfaces.{owner}.{surface}"), message)
         }
-        BuildError::World(_) | BuildError::Terrain | BuildError::Unable { .. } => {
-            ConfigError::key("world", message)
-        }
+        BuildError::World(_)
+        | BuildError::Terrain
+        | BuildError::Connection(_)
+        | BuildError::Unable { .. } => ConfigError::key("world", message),
         BuildError::Option { name, .. } => ConfigError::key(format!("solver.{name}"), message),
         BuildError::Integrator { .. } => ConfigError::key("solver.integrator", message),
         BuildError::State(_) => ConfigError::key("position", message),

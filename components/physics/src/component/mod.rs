@@ -157,7 +157,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         let periods = tick.periods_since(self.last_ns.replace(tick.time_ns), tick.time_ns);
         if let Some(randomiser) = self.randomiser.as_mut().filter(|_| !tick.settling) {
             let followed = randomiser.follow(&mut self.simulation, tick.time_ns);
-            followed.map_err(|error| StepError::failed(error.to_string()))?;
+            followed.map_err(|error| failed(tick, error))?;
         }
         for _ in 0..periods {
             for robot in &mut self.robots {
@@ -167,8 +167,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             if !tick.settling {
                 self.pushes.apply(&mut self.simulation, tick.time_ns);
             }
-            let report =
-                self.simulation.step(tick.dt()).map_err(|error| StepError::failed(error.to_string()))?;
+            let report = self.simulation.step(tick.dt()).map_err(|error| failed(tick, error))?;
             let pushed_until = if tick.settling { u64::MAX } else { tick.time_ns };
             self.truth.accumulate(&self.simulation, self.pushes.forces(pushed_until), tick.dt());
             if !tick.settling {
@@ -224,6 +223,12 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         }
         Some(result)
     }
+}
+
+/// The error of a step, with its time.
+fn failed(tick: &Tick, error: impl core::fmt::Display) -> StepError {
+    let settling = if tick.settling { " of settling" } else { "" };
+    StepError::failed(format!("at {:.4} s{settling}: {error}", tick.time_ns as f64 * 1e-9))
 }
 
 impl Totals {

@@ -6,12 +6,12 @@ use std::sync::Arc;
 
 use motorium_robots::{
     Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, Grain,
-    HeightField, MeshMode, Object, ObjectShape, Softness, Terrain, TerrainError, TriangleSurface,
+    HeightField, MeshMode, Object, ObjectShape, Softness, Terrain, TriangleSurface,
 };
 use nalgebra::{Isometry3, Vector3};
 
 use crate::robot::Robot;
-use crate::{BuildWarning, Options, RobotSetup, Surface, World};
+use crate::{BuildWarning, Options, RobotSetup, World};
 
 /// Links that start closer than this never touch each other \[m\].
 const TOO_CLOSE: f64 = 0.010;
@@ -63,7 +63,7 @@ pub(crate) struct Collider {
     pub(crate) placement: Isometry3<f64>,
     /// Index of the object that it is, of one that is fixed.
     pub(crate) fixed: Option<usize>,
-    /// Of a part of a mesh: index of its object in the world, and its frame in that of the object.
+    /// Of a part of a mesh or a compound: index of its object in the world, and its frame in that of the object.
     pub(crate) part: Option<(usize, Isometry3<f64>)>,
     /// The triangles by which it touches, about the origin of its shape, which is their box.
     pub(crate) surface: Option<Arc<TriangleSurface>>,
@@ -106,7 +106,7 @@ impl ColliderGrain {
     }
 
     /// Takes over another coefficient across it: that along it changes by the same factor.
-    fn scale(&mut self, friction: f64) {
+    pub(super) fn scale(&mut self, friction: f64) {
         let [across, along] = self.described;
         self.along = if across > 0.0 { along * (friction / across) } else { along };
     }
@@ -124,7 +124,7 @@ pub(crate) struct Colliders {
     /// The surface of the terrain, which is the last collider; its shape there stands for it.
     pub(crate) terrain: Option<Arc<HeightField>>,
     /// The description that it was made from.
-    described: Option<Terrain>,
+    pub(super) described: Option<Terrain>,
 }
 
 impl Colliders {
@@ -162,11 +162,11 @@ impl Colliders {
         for object in &world.objects {
             let (first, pose, moves) = (model.solid_count(), object.pose(), object.is_dynamic());
             let mode = if surface_of(object).is_some() { MeshMode::Surface } else { PART };
-            for geometry in object.shape.geometries() {
+            for (frame, geometry) in object.shape.geometries() {
                 let added = if moves {
-                    model.add_free_object(&object.name, pose, geometry, mode)
+                    model.add_free_object(&object.name, pose * frame, geometry, mode)
                 } else {
-                    model.add_obstacle(&object.name, pose, geometry, mode)
+                    model.add_obstacle(&object.name, pose * frame, geometry, mode)
                 };
                 added.expect("the shapes of objects have been checked with the world");
             }
@@ -220,16 +220,25 @@ impl Colliders {
                     }
                 };
                 let ([torsional, rolling], conveyor) = turning;
-                let mesh = object.and_then(|(of, object)| Some((of, object?)));
-                let mesh = mesh.filter(|(_, object)| matches!(object.shape, ObjectShape::Mesh(_)));
-                let part = mesh.map(|(of, object)| (of, object.pose().inv_mul(&model.placement(index))));
-                let surface = mesh.and_then(|(_, object)| surface_of(object));
+                let parted = object.and_then(|(of, object)| Some((of, object?)));
+                let parted = parted.filter(|(_, object)| {
+                    matches!(object.shape, ObjectShape::Mesh(_) | ObjectShape::Compound(_))
+                });
+                let part = parted.map(|(of, object)| (of, object.pose().inv_mul(&model.placement(index))));
+                // What the object states in its axes, in those of a part.
+                let turned = |direction: Vector3<f64>| match parted {
+                    Some((_, Object { shape: ObjectShape::Compound(_), .. })) => {
+                        part.map_or(direction, |(_, frame)| frame.rotation.inverse() * direction)
+                    }
+                    _ => direction,
+                };
+                let surface = parted.and_then(|(_, object)| surface_of(object));
                 let shape = match &surface {
                     Some(surface) => ConvexShape::Hull { points: surface.corners() },
                     None => model.convex_shape(index),
                 };
                 let in_object = || part.map_or_else(Isometry3::identity, |(_, part)| part);
-                let axes = mesh.and_then(|(_, object)| object.mass_properties()?.frame);
+                let axes = parted.and_then(|(_, object)| object.mass_properties()?.frame);
                 Collider {
                     name: model.link(index).to_owned(),
                     owner,
@@ -248,9 +257,10 @@ impl Colliders {
                     torsional,
                     rolling,
                     restitution,
-                    conveyor: conveyor.map(|conveyor| conveyor.velocity.into()),
+                    conveyor: conveyor.map(|conveyor| turned(conveyor.velocity.into())),
                     soft,
-                    grain: grain.map(|(direction, along)| ColliderGrain::new(direction, along, friction)),
+                    grain: grain
+                        .map(|(direction, along)| ColliderGrain::new(turned(direction), along, friction)),
                 }
             })
             .collect();
@@ -295,43 +305,6 @@ impl Colliders {
         }
         let described = world.terrain.clone();
         Self { colliders, first_object, objects, model, terrain: field.map(Arc::new), described }
-    }
-
-    /// Takes over the heights of another terrain of the same size. True if they are others.
-    pub(crate) fn set_terrain(&mut self, terrain: Option<&Terrain>) -> Result<bool, TerrainError> {
-        let (Some(terrain), Some(field)) = (terrain, &mut self.terrain) else { return Ok(false) };
-        if self.described.as_ref() == Some(terrain) {
-            return Ok(false);
-        }
-        *field = Arc::new(terrain.height_field()?);
-        self.described = Some(terrain.clone());
-        Ok(true)
-    }
-
-    /// The surface of each collider.
-    pub(crate) fn surfaces(&self) -> Vec<Surface> {
-        let surface = |collider: &Collider| Surface {
-            name: collider.name.clone(),
-            friction: collider.friction,
-            restitution: collider.restitution,
-        };
-        self.colliders.iter().map(surface).collect()
-    }
-
-    /// Takes over a surface for each collider.
-    pub(crate) fn set_surfaces(&mut self, surfaces: &[Surface]) {
-        for (collider, surface) in self.colliders.iter_mut().zip(surfaces) {
-            // Friction along a grain changes by the same factor.
-            if let Some(grain) = &mut collider.grain {
-                grain.scale(surface.friction);
-            }
-            (collider.friction, collider.restitution) = (surface.friction, surface.restitution);
-        }
-    }
-
-    /// True where a surface resists rolling or spinning.
-    pub(crate) fn resist_turning(&self) -> bool {
-        self.colliders.iter().any(|collider| collider.torsional > 0.0 || collider.rolling > 0.0)
     }
 
     /// The object of the world that a collider belongs to, and its frame in that of the object where this is another.

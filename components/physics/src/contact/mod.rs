@@ -24,6 +24,7 @@ mod newton;
 mod normals;
 mod objects;
 mod parties;
+mod properties;
 mod scene;
 mod site;
 mod sums;

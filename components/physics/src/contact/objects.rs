@@ -84,12 +84,13 @@ impl FreeBody {
     /// Velocity after `h` \[s\] under gravity and in the air alone.
     fn fall(&mut self, gravity: &Vector3<f64>, air: &Air, h: f64) {
         self.linear = air.slowed((self.drag, self.mass), self.linear + gravity * h, h);
-        // One Newton step of the implicit gyroscopic torque, in the body's axes (Catto, GDC 2015): stable at any spin.
+        // One Newton step of the gyroscopic torque at the mean of both velocities, in the body's axes: stable at any spin, and of second order.
         let w = self.pose.rotation.inverse_transform_vector(&self.angular);
         let momentum = self.inertia.component_mul(&w);
         let error = w.cross(&momentum) * h;
         let slope = Matrix3::from_diagonal(&self.inertia)
-            + (w.cross_matrix() * Matrix3::from_diagonal(&self.inertia) - momentum.cross_matrix()) * h;
+            + (w.cross_matrix() * Matrix3::from_diagonal(&self.inertia) - momentum.cross_matrix())
+                * (0.5 * h);
         if let Some(inverse) = slope.try_inverse() {
             self.angular = self.pose.rotation * (w - inverse * error);
         }

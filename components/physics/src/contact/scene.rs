@@ -332,6 +332,20 @@ impl ContactScene {
         })
     }
 
+    /// Sets the velocity of object `index` of the world, if it moves.
+    pub(crate) fn set_object_velocity(
+        &mut self,
+        index: usize,
+        linear: &Vector3<f64>,
+        angular: &Vector3<f64>,
+    ) {
+        if let Some(movable) = self.objects.movable[index] {
+            self.objects.wake();
+            let body = &mut self.objects.now[movable];
+            (body.linear, body.angular) = (*linear, *angular);
+        }
+    }
+
     /// True when a contact point of the last step is on a robot.
     pub(crate) fn on_robot(&self) -> bool {
         let on_robot = |point: &ContactPoint| point.owners.0.is_robot() || point.owners.1.is_robot();

@@ -132,6 +132,7 @@ impl Engine for Mujoco {
         triangles: false,
         changes: true,
         integrators: false,
+        connections: false,
     };
 
     fn build(
@@ -328,6 +329,18 @@ impl Engine for Mujoco {
                 (Vector3::from_column_slice(&qvel[..3]) + angular.cross(&arm), angular)
             }
             ObjectPlace::Placed(_) => (Vector3::zeros(), Vector3::zeros()),
+        }
+    }
+
+    fn set_object_velocity(&mut self, index: usize, linear: &Vector3<f64>, angular: &Vector3<f64>) {
+        if let ObjectPlace::Free(place, dof) = self.places.objects[index] {
+            let (_, rotation) = pose_at(&self.native.qpos()[place..place + 7]);
+            let centre = self.places.masses[index].and_then(|own| own.frame);
+            let arm = centre.map_or_else(Vector3::zeros, |own| rotation * own.translation.vector);
+            let qvel = &mut self.native.qvel_mut()[dof..dof + 6];
+            qvel[..3].copy_from_slice((linear - angular.cross(&arm)).as_slice());
+            qvel[3..].copy_from_slice((rotation.inverse() * angular).as_slice());
+            self.seen.near = true;
         }
     }
 

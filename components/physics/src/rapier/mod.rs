@@ -87,6 +87,7 @@ impl Engine for Rapier {
         triangles: true,
         changes: false,
         integrators: false,
+        connections: false,
     };
 
     fn build(
@@ -240,6 +241,10 @@ impl Engine for Rapier {
 
     fn object_velocity(&self, index: usize) -> (Vector3<f64>, Vector3<f64>) {
         self.scene.object_velocity(index)
+    }
+
+    fn set_object_velocity(&mut self, index: usize, linear: &Vector3<f64>, angular: &Vector3<f64>) {
+        self.scene.set_object_velocity(index, linear, angular);
     }
 
     fn visit_contacts(&self, visit: &mut dyn FnMut(&Contact<'_>)) {

@@ -235,6 +235,20 @@ impl Scene {
         (convert::vector_back(body.linvel()), convert::vector_back(body.angvel()))
     }
 
+    /// Sets the velocity of an object, if it moves.
+    pub(super) fn set_object_velocity(
+        &mut self,
+        index: usize,
+        linear: &Vector3<f64>,
+        angular: &Vector3<f64>,
+    ) {
+        let body = &mut self.bodies[self.objects[index]];
+        if body.is_dynamic() {
+            body.set_linvel(convert::vector(linear), true);
+            body.set_angvel(convert::vector(angular), true);
+        }
+    }
+
     /// Places an object and stops it.
     pub(super) fn set_object_pose(&mut self, index: usize, pose: &Isometry3<f64>) {
         let body = &mut self.bodies[self.objects[index]];

@@ -62,3 +62,29 @@ fn a_world_that_fails_leaves_the_others_alone() {
     batch.reset(1, &q, &v).unwrap();
     assert!(batch.step(1e-3, 10).iter().all(Result::is_ok));
 }
+
+#[test]
+fn observations_of_a_batch_are_those_of_each_world_on_any_number_of_threads_and_after_resets() {
+    for threads in [1, 2, 3] {
+        let batch = Batch::new(5, threads, |_| Ok(held("quadruped"))).unwrap();
+        let mut batch = batch.observing(2, |world, out| {
+            out.copy_from_slice(&[world.base_pose().translation.z, world.velocity()[2]]);
+        });
+        let drives = batch.world(0).joint_names().len();
+        batch.commands_mut()[3 * drives].effort = 5.0;
+        batch.step(1e-3, 20);
+        let expected = |batch: &Batch<_>, world: usize| {
+            let of: &motorium_physics::ArticulatedSimulator = batch.world(world);
+            [of.base_pose().translation.z, of.velocity()[2]]
+        };
+        let all: Vec<f64> = (0..5).flat_map(|world| expected(&batch, world)).collect();
+        assert_eq!(batch.observations(), all, "{threads} threads");
+        assert_ne!(batch.observation(0), batch.observation(3), "the worlds differ");
+        let (q, v) = (batch.positions(0).to_vec(), vec![0.0; batch.velocities(0).len()]);
+        for world in [1, 3] {
+            batch.reset(world, &q, &v).unwrap();
+            assert_eq!(batch.observation(world), expected(&batch, world));
+            assert_eq!(batch.observation(world)[1], 0.0);
+        }
+    }
+}

@@ -2,10 +2,11 @@
 //! restore.
 
 use motorium_physics::{ForeignState, Ground, JointCommand, Object, ObjectShape, Options, Simulator, World};
-use motorium_robots::{Model, Placed};
+use motorium_robots::{CompoundPart, Connection, MeshCollision, Model, Placed, TriangleMesh, load};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::engines::{Engine, engines};
+use crate::meshes::{box_between, mesh, trough};
 use crate::panda;
 
 const DT: f64 = 1e-3;
@@ -22,14 +23,43 @@ fn object(name: &str, shape: ObjectShape, mass: Option<f64>, position: [f64; 3])
     }
 }
 
-/// A Panda beside a table with a stack of two cubes, a ball and a can.
+/// A trough of 0.18 m with two walls.
+fn small_trough() -> TriangleMesh {
+    TriangleMesh::clone(&trough()).scaled(&Vector3::repeat(0.3))
+}
+
+/// Two balls of different mass on the table, one object.
+fn club() -> Object {
+    let ball = |x: f64, mass: f64| CompoundPart {
+        shape: ObjectShape::Sphere { radius: 0.03 },
+        position: [x, 0.0, 0.0],
+        rpy: [0.0; 3],
+        mass: Some(mass),
+    };
+    let shape = ObjectShape::Compound(vec![ball(-0.04, 0.1), ball(0.04, 0.3)]);
+    object("club", shape, None, [0.5, -0.25, 0.2])
+}
+
+/// A Panda beside a table with a stack of two cubes, a ball above a tray of convex parts, a can, a rock that is a mesh, and a club of two
+/// balls.
 fn scene(engine: Engine) -> Box<dyn Simulator> {
     let cube =
         |name: &str, z: f64| object(name, ObjectShape::Box { size: [0.05; 3] }, Some(0.2), [0.5, 0.2, z]);
     let table = object("table", ObjectShape::Box { size: [0.4, 0.8, 0.1] }, None, [0.6, 0.0, 0.05]);
     let ball = object("ball", ObjectShape::Sphere { radius: 0.04 }, Some(0.1), [0.6, -0.1, 0.3]);
     let can = object("can", ObjectShape::Cylinder { radius: 0.03, length: 0.1 }, Some(0.3), [0.2, 0.02, 1.1]);
-    let objects = vec![table, cube("lower", 0.125), cube("upper", 0.175), ball, can];
+    let rock = Object {
+        mass: Some(0.3),
+        position: [0.66, 0.22, 0.13],
+        rpy: [0.0, 0.0, 0.2],
+        ..mesh("rock", box_between([0.0; 3], [0.06, 0.05, 0.04]), MeshCollision::Hull)
+    };
+    let tray = Object {
+        mass: Some(0.8),
+        position: [0.6, -0.1, 0.12],
+        ..mesh("tray", small_trough(), MeshCollision::Parts(8))
+    };
+    let objects = vec![table, cube("lower", 0.125), cube("upper", 0.175), ball, can, rock, tray, club()];
     let world = World { ground: Some(Ground::default()), objects, ..World::default() };
     panda::at_home(engine, world, Options::default())
 }
@@ -47,7 +77,7 @@ fn swing(simulation: &mut dyn Simulator, from: u32, steps: u32) -> Vec<u64> {
         let state =
             simulation.configuration().iter().chain(simulation.velocity()).chain(simulation.efforts());
         bits.extend(state.map(|x| x.to_bits()));
-        for name in ["lower", "upper", "ball", "can"] {
+        for name in ["lower", "upper", "ball", "can", "rock", "tray", "club"] {
             let pose = simulation.object_pose(simulation.object(name).unwrap());
             bits.extend(
                 pose.translation.vector.iter().chain(pose.rotation.coords.iter()).map(|x| x.to_bits()),
@@ -193,5 +223,111 @@ fn what_an_engine_says_it_can_is_so() {
             }
         };
         assert_eq!(simulation.capabilities().floating_bases, floats, "{engine:?}");
+    }
+}
+
+/// A world of one object that may be changed.
+fn with(change: impl FnOnce(&mut World)) -> World {
+    let cube = object("cube", ObjectShape::Box { size: [0.1; 3] }, Some(1.0), [0.0, 0.0, 5.0]);
+    let mut world = World { ground: Some(Ground::default()), objects: vec![cube], ..World::default() };
+    change(&mut world);
+    world
+}
+
+#[test]
+fn each_flag_of_an_engine_is_true_where_it_simulates_what_the_flag_is_for_and_false_where_it_refuses_it() {
+    use motorium_physics::{Capabilities, Integrator};
+    use motorium_robots::{Conveyor, Softness};
+    type Flag = fn(&Capabilities) -> bool;
+    let table = || mesh("hall", box_between([-1.0; 3], [1.0, 1.0, 0.0]), MeshCollision::Triangles);
+    let connection = Connection {
+        parts: ["cube".to_owned(), "world".to_owned()],
+        kind: Default::default(),
+        point: [0.0; 3],
+    };
+    let soft = Softness { stiffness: 1e4, damping: 10.0 };
+    let rows: Vec<(&str, Flag, World, Options)> = vec![
+        (
+            "rolling",
+            |can| can.rolling_friction,
+            with(|w| w.objects[0].rolling_friction = 1e-3),
+            Options::default(),
+        ),
+        (
+            "torsional",
+            |can| can.rolling_friction,
+            with(|w| w.objects[0].torsional_friction = 1e-3),
+            Options::default(),
+        ),
+        (
+            "conveyors",
+            |can| can.conveyors,
+            with(|w| w.objects[0].conveyor = Some(Conveyor { velocity: [1.0, 0.0, 0.0] })),
+            Options::default(),
+        ),
+        ("textures", |can| can.textures, with(|w| w.objects[0].soft = Some(soft)), Options::default()),
+        ("triangles", |can| can.triangles, with(|w| w.objects.push(table())), Options::default()),
+        ("connections", |can| can.connections, with(|w| w.connections.push(connection)), Options::default()),
+        (
+            "integrators",
+            |can| can.integrators,
+            with(|_| {}),
+            Options { integrator: Integrator::Midpoint, ..Options::default() },
+        ),
+    ];
+    for engine in engines() {
+        let can = scene(engine).capabilities();
+        for (name, flag, world, options) in &rows {
+            let pendulum = load("pendulum", std::path::Path::new(".")).unwrap().model;
+            let built = engine.try_simulate(pendulum, world.clone(), &[0.0], *options);
+            assert_eq!(built.is_ok(), flag(&can), "{engine:?}, {name}");
+            if let Ok(mut simulation) = built {
+                (0..20).for_each(|_| _ = simulation.step(DT).unwrap());
+            }
+        }
+    }
+}
+
+#[test]
+fn rays_and_contacts_know_meshes_and_compounds_by_the_name_of_their_object() {
+    for engine in engines() {
+        let mut simulation = scene(engine);
+        panda::command_hold(&mut *simulation, &panda::home());
+        for step in 0..2000 {
+            simulation.step(DT).unwrap_or_else(|error| panic!("{engine:?}, step {step}: {error}"));
+        }
+        // The mean of a while: springs of contacts tremble.
+        let mut up = std::collections::BTreeMap::<String, f64>::new();
+        for _ in 0..400 {
+            simulation.step(DT).unwrap();
+            simulation.visit_contacts(&mut |contact| {
+                for (name, sign) in [(contact.second, 1.0), (contact.first, -1.0)] {
+                    *up.entry(name.to_owned()).or_default() +=
+                        sign * contact.force * contact.normal.z / 400.0;
+                }
+            });
+        }
+        // The ball lies in the tray, which carries it.
+        for (name, weight) in [("rock", 0.3), ("club", 0.4), ("tray", 0.8)] {
+            let found = up.get(name).copied().unwrap_or(0.0);
+            let id = simulation.object(name).unwrap();
+            let at = simulation.object_pose(id).translation.vector;
+            // Rapier tells too high forces of hulls on a box.
+            let hull_of_rapier = engine == Engine::Rapier && name != "club";
+            assert!(
+                hull_of_rapier || (found - weight * 9.81).abs() < 0.05 * 9.81,
+                "{engine:?}: {name} at {at} is carried with {found} N"
+            );
+            let (linear, angular) = simulation.object_velocity(id);
+            assert!(
+                linear.norm() < 5e-3 && angular.norm() < 0.2,
+                "{engine:?}: {name} at {at}: {linear} m/s, {angular} rad/s"
+            );
+        }
+        // A ray through the heavier ball of the club.
+        let club = simulation.object_pose(simulation.object("club").unwrap());
+        let heavy = club * Point3::new(0.04, 0.0, 0.0);
+        let hit = simulation.cast_ray(heavy + Vector3::z(), -Vector3::z(), 2.0).unwrap();
+        assert!(hit.name == "club" && (hit.distance - 0.97).abs() < 1e-9, "{engine:?}: {hit:?}");
     }
 }

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::sync::Once;
 
 use motorium_physics::{
-    ArticulatedSimulator, Mujoco, MujocoSimulator, Options, RapierSimulator, Simulator, World,
+    ArticulatedSimulator, BuildError, Mujoco, MujocoSimulator, Options, RapierSimulator, Simulator, World,
 };
 use motorium_robots::Model;
 
@@ -42,22 +42,29 @@ impl Engine {
         q: &[f64],
         options: Options,
     ) -> Box<dyn Simulator> {
-        match self {
-            Self::Articulated => Box::new(ArticulatedSimulator::new(model, world, q, options).unwrap()),
-            Self::Rapier => Box::new(RapierSimulator::new(model, world, q, options).unwrap()),
-            Self::Mujoco => Box::new(MujocoSimulator::new(model, world, q, options).unwrap()),
-        }
+        self.try_simulate(model, world, q, options).unwrap_or_else(|error| panic!("{self:?}: {error}"))
+    }
+
+    /// The same, where the engine can.
+    pub(crate) fn try_simulate(
+        self,
+        model: Model,
+        world: World,
+        q: &[f64],
+        options: Options,
+    ) -> Result<Box<dyn Simulator>, BuildError> {
+        Ok(match self {
+            Self::Articulated => Box::new(ArticulatedSimulator::new(model, world, q, options)?),
+            Self::Rapier => Box::new(RapierSimulator::new(model, world, q, options)?),
+            Self::Mujoco => Box::new(MujocoSimulator::new(model, world, q, options)?),
+        })
     }
 
     /// Words against a pendulum in `world`.
     pub(crate) fn refuse(self, world: World) -> String {
         let pendulum = motorium_robots::load("pendulum", std::path::Path::new(".")).unwrap().model;
         let options = Options::default();
-        let refused = match self {
-            Self::Articulated => ArticulatedSimulator::new(pendulum, world, &[0.0], options).map(drop),
-            Self::Rapier => RapierSimulator::new(pendulum, world, &[0.0], options).map(drop),
-            Self::Mujoco => MujocoSimulator::new(pendulum, world, &[0.0], options).map(drop),
-        };
+        let refused = self.try_simulate(pendulum, world, &[0.0], options).map(drop);
         refused.unwrap_err().to_string()
     }
 }

@@ -247,3 +247,53 @@ fn settings_that_describe_no_camera_and_no_thing_are_refused_with_the_key() {
         assert!(error.contains(expected), "{text}: {error}");
     }
 }
+
+/// A square ring about the x axis, 0.4 m wide with a hole of 0.2 m, 0.02 m thick. In OBJ.
+fn ring() -> String {
+    let corners = |half: f64, x: f64| {
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(y, z)| (x, y * half, z * half))
+    };
+    let points = [corners(0.2, -0.01), corners(0.1, -0.01), corners(0.2, 0.01), corners(0.1, 0.01)].concat();
+    let mut text: String = points.iter().map(|(x, y, z)| format!("v {x} {y} {z}\n")).collect();
+    for side in 0..4 {
+        let next = (side + 1) % 4;
+        let [a, b, c, d] = [side, next, 4 + next, 4 + side];
+        for face in [[d, c, b, a], [a + 8, b + 8, c + 8, d + 8], [a, b, b + 8, a + 8], [c, d, d + 8, c + 8]] {
+            let [p, q, r, s] = face.map(|corner| corner + 1);
+            text += &format!("f {p} {q} {r} {s}\n");
+        }
+    }
+    text
+}
+
+#[test]
+fn a_mesh_of_a_file_is_seen_in_its_colour_and_the_sky_through_its_hole() {
+    let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("camera-ring.obj");
+    std::fs::write(&file, ring()).unwrap();
+    let world = format!(
+        "world = {{ ground = {{}}, objects = [{{ name = \"ring\", shape = {{ mesh = {{ file = {:?} }} }}, mass = 1.0, \
+         position = [50.0, 0.0, 0.5] }}], appearance = {{ colours = {{ ring = [0.9, 0.1, 0.1] }} }} }}",
+        file.display().to_string()
+    );
+    let mount = "mount = { frame = \"world\", position = [3.0, 0.0, 0.4], rpy = [0.0, 0.0, 3.14159265] }";
+    let text = format!("{mount}, sees_robot = false, {world}");
+    let info = Probe::<ImageInfo>::of("info");
+    let camera = Instance::of::<AlongRays<Camera>>("camera")
+        .rate("50 Hz")
+        .robot("arm")
+        .subscribe("object_poses", "objects")
+        .publish("image", "image")
+        .publish("info", "info")
+        .set("config", config(&text));
+    let report = graph(camera).with(&info).run("200 ms").unwrap();
+    let pixels = pixels(&report.results["keeper"]["last"]);
+    let focal = info.values()[0].focal_length[0];
+    let red = pixels.iter().filter(|[r, g, b]| *r > 3 * g && *r > 3 * b && *r > 60).count() as f64;
+    // Its front is 1.99 m away, and the sides of the hole are seen at a slant.
+    let expected = (focal / 1.99).powi(2) * (0.4 * 0.4 - 0.2 * 0.2);
+    assert!((red / expected - 1.0).abs() < 0.1, "{red} pixels, expected {expected}");
+    // The middle of the hole, 0.1 m above the camera.
+    let row = (60.0 - focal * 0.1 / 2.0) as usize;
+    let [r, g, b] = pixels[row * 160 + 80];
+    assert!(b > r && b > g && b > 200, "the sky through the hole: {:?}", [r, g, b]);
+}

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::{Ray, RayHit, RayShape};
 use crate::algebra::{M3, V3};
-use crate::{CollisionModel, ConvexShape, HeightField, ObjectShape, World};
+use crate::{CollisionModel, ConvexShape, HeightField, World};
 
 /// Rays that are bounded together.
 const BUNDLE: usize = 16;
@@ -84,16 +84,11 @@ impl RayScene {
     }
 
     /// Adds the objects of a world in their order, where they start, then its ground or its terrain. Returns the
-    /// number of the first. Objects with a mesh are met at its triangles. A terrain that [cannot be made](World::check) is left out.
+    /// number of the first. Objects are met [as they look](RayShape::of_object). A terrain that [cannot be made](World::check) is left out.
     pub fn add_world(&mut self, world: &World) -> usize {
         let first = self.len();
         for object in &world.objects {
-            let body = if let ObjectShape::Mesh(mesh) = &object.shape { mesh.body().ok() } else { None };
-            let shape = match body {
-                Some(body) => RayShape::of_triangles(body.visual.clone()),
-                None => RayShape::new(&object.shape.convex_shape()),
-            };
-            self.add(shape, &object.pose());
+            self.add(RayShape::of_object(&object.shape), &object.pose());
         }
         if let Some(ground) = &world.ground {
             let pose = Isometry3::translation(0.0, 0.0, ground.height);

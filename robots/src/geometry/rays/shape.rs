@@ -9,7 +9,7 @@ use super::surfaces::{self, Meeting};
 use super::{Ray, RayHit};
 use crate::algebra::{M3, V3};
 use crate::geometry::support::{v3, vector};
-use crate::{ConvexShape, HeightField, TriangleSurface};
+use crate::{ConvexShape, HeightField, ObjectShape, TriangleSurface};
 
 /// A shape as rays meet it.
 ///
@@ -45,6 +45,8 @@ pub(super) enum Surface {
     HalfSpace,
     Terrain(Arc<HeightField>),
     Triangles(Arc<TriangleSurface>),
+    /// Shapes with their places.
+    Parts(Arc<[(M3, V3, RayShape)]>),
     /// A hull without volume.
     Nothing,
 }
@@ -79,6 +81,29 @@ impl RayShape {
     pub fn of_triangles(surface: Arc<TriangleSurface>) -> Self {
         let reach = surface.reach();
         Self { surface: Surface::Triangles(surface), reach }
+    }
+
+    /// The shape of an object: triangles of meshes as they are [drawn](crate::MeshShape::visual), of a compound all parts. A mesh that cannot
+    /// be read is never met.
+    pub fn of_object(shape: &ObjectShape) -> Self {
+        match shape {
+            ObjectShape::Mesh(mesh) => match mesh.body() {
+                Ok(body) => Self::of_triangles(body.visual.clone()),
+                Err(_) => Self { surface: Surface::Nothing, reach: 0.0 },
+            },
+            ObjectShape::Compound(_) => {
+                let placed = shape.shapes().into_iter().map(|(frame, part)| {
+                    let rotation: M3 = frame.rotation.to_rotation_matrix().into_inner().into();
+                    (rotation, frame.translation.vector.into(), Self::of_object(part))
+                });
+                let parts: Arc<[(M3, V3, Self)]> = placed.collect();
+                let reach = parts.iter().map(|(_, at, part)| at.dot(*at).sqrt() + part.reach);
+                Self { reach: reach.fold(0.0, f64::max), surface: Surface::Parts(parts) }
+            }
+            simple => simple
+                .convex_shape()
+                .map_or(Self { surface: Surface::Nothing, reach: 0.0 }, |shape| Self::new(&shape)),
+        }
     }
 
     /// True for the surface of a terrain.
@@ -122,6 +147,7 @@ impl RayShape {
             Surface::HalfSpace => surfaces::half_space(from, towards),
             Surface::Terrain(field) => field.meet(from, towards, range),
             Surface::Triangles(surface) => surface.meet(from, towards, range),
+            Surface::Parts(parts) => first_of(parts, (from, towards), range),
             Surface::Nothing => None,
         }
         .filter(|(distance, _)| *distance <= range)?;
@@ -132,6 +158,17 @@ impl RayShape {
     pub(super) fn hit(target: usize, (distance, normal): (f64, V3)) -> RayHit {
         RayHit { target, distance, normal: normal.into() }
     }
+}
+
+/// The first meeting with shapes at places.
+#[inline(never)]
+fn first_of(parts: &[(M3, V3, RayShape)], ray: (V3, V3), range: f64) -> Meeting {
+    let mut best: Meeting = None;
+    for (rotation, position, shape) in parts {
+        let nearest = best.map_or(range, |(distance, _)| distance);
+        best = shape.meet(rotation, *position, ray, nearest).or(best);
+    }
+    best
 }
 
 /// The planes of the faces of a convex hull, each once; `None` without volume.

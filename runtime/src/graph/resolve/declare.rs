@@ -1,6 +1,5 @@
 //! The declaration of each component, from its kind or program, its robot and its configuration.
 
-use std::borrow::Cow;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -10,7 +9,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::robots::Robot;
 use super::siblings::Home;
-use super::{Context, Draft, doubts, exec, paths, periods};
+use super::{Context, Draft, doubts, exec, paths, periods, world};
 use crate::declare::{
     Declaration, Declare, MAX_PARAMETER_NUMBERS, ParameterDeclaration, Placement, TopicPattern,
 };
@@ -297,45 +296,12 @@ fn config_value<'i>(
         None => Spanned::new(draft.place.clone(), DeValue::Table(DeTable::new())),
     };
     let Some(Ok(kind)) = good(&draft.table.kind).map(|kind| context.home(kind)) else { return value };
-    insert_world(&mut value, &kind, draft, graph, report);
+    world::insert(&mut value, &kind, draft, graph, context, report);
     let known = draft.robot.as_ref().or(draft.robots.first());
     // a component without a robot knows no folder: all its paths are made absolute
     let folder = known.map_or(Path::new(""), |robot| &robot.base);
     paths::rebase(&mut value, &kind, folder, context.sources);
     value
-}
-
-/// Puts the graph's world, or its gravity alone, into the configuration of a kind that reads it.
-fn insert_world<'i>(
-    value: &mut Value<'i>,
-    kind: &Home<'_>,
-    draft: &Draft<'_, 'i>,
-    graph: &GraphTable<'i>,
-    report: &mut Report,
-) {
-    let (Some(at), DeValue::Table(table)) = (&graph.world, value.get_mut()) else { return };
-    let Some(AnyTable(world)) = at.get() else { return };
-    if kind.reads_gravity()
-        && !table.contains_key("gravity")
-        && let DeValue::Table(world) = world.get_ref()
-        && let Some((key, gravity)) = world.get_key_value("gravity")
-    {
-        table.insert(key.clone(), gravity.clone());
-    }
-    if kind.reads_world() {
-        match table.get_key_value("world") {
-            Some((key, _)) => {
-                report
-                    .error(format!("the graph has a `[world]`, and `{}` another one of its own", draft.name))
-                    .at(&key.span(), "a second world")
-                    .and(&at.key, "the world of the graph")
-                    .advise("keep `[world]`, which all components share");
-            }
-            None => {
-                table.insert(Spanned::new(at.key.clone(), Cow::Borrowed("world")), world.clone());
-            }
-        }
-    }
 }
 
 /// A user's program may declare anything: what no component built with this crate would declare is refused.

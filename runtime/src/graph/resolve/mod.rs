@@ -25,6 +25,7 @@ mod timing;
 mod topics;
 mod wiring;
 mod wording;
+mod world;
 
 use std::path::Path;
 

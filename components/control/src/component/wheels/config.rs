@@ -33,6 +33,9 @@ pub struct WheelsConfig {
     pub slip: f64,
     /// Compensation of the weight of joints that are held, such as those of an arm, by a feed-forward effort. Default true.
     pub gravity_compensation: bool,
+    /// Acceleration of free fall in the world, m/s^2. Default: that of the graph's `[world]`, or [0, 0, -9.81].
+    #[serde(deserialize_with = "motorium_robots::deserialize_gravity")]
+    pub gravity: [f64; 3],
     /// Age from which a joint state is not acted upon: nothing is commanded then. Default 10 ms.
     pub state_timeout: TimeSpan,
     /// Age from which a target counts as zero, so that the base brakes. Default 100 ms.
@@ -60,6 +63,7 @@ impl Default for WheelsConfig {
             start: StartConfig::default(),
             slip: 0.003,
             gravity_compensation: true,
+            gravity: [0.0, 0.0, -9.81],
             state_timeout: TimeSpan { ns: 10_000_000 },
             target_timeout: TimeSpan { ns: 100_000_000 },
         }

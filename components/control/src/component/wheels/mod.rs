@@ -38,6 +38,8 @@ pub struct WheelController {
     dynamics: Option<Dynamics>,
     configuration: Vec<f64>,
     gravity: Vec<f64>,
+    /// Acceleration of free fall, m/s^2.
+    down: Vector3<f64>,
     q: Vec<f64>,
     v: Vec<f64>,
     setpoint: Vec<f64>,
@@ -55,15 +57,13 @@ pub struct WheelController {
     without_target: u64,
 }
 
-/// Standard gravity, m/s^2.
-const GRAVITY: f64 = 9.806_65;
-
 /// Numbers of a checkpoint before the angles of the wheels: pose, distance, covariance.
 const REMEMBERED: usize = 13;
 
 impl Component for WheelController {
     const KIND: &'static str = "control.wheels";
     const SUMMARY: &'static str = "moves a base on wheels at a target velocity, with odometry";
+    const READS_GRAVITY: bool = true;
     const RESETS: bool = true;
     type Config = WheelsConfig;
 
@@ -111,6 +111,7 @@ impl Component for WheelController {
             dynamics: config.gravity_compensation.then(|| Dynamics::new(&model)),
             configuration: model.neutral(),
             gravity: vec![0.0; model.nv()],
+            down: config.gravity.into(),
             q: vec![0.0; joints],
             v: vec![0.0; joints],
             setpoint: vec![0.0; joints],
@@ -265,8 +266,7 @@ impl WheelController {
         if let Some(dynamics) = &mut self.dynamics {
             let base = self.configuration.len() - self.q.len();
             self.configuration[base..].copy_from_slice(&self.q);
-            let down = Vector3::new(0.0, 0.0, -GRAVITY);
-            dynamics.gravity(&self.model, &self.configuration, down, &mut self.gravity);
+            dynamics.gravity(&self.model, &self.configuration, self.down, &mut self.gravity);
         }
         let count = self.q.len();
         let mut command = self.joint_command.loan()?;

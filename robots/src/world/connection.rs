@@ -1,0 +1,70 @@
+//! Connections of the things of a world.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{World, WorldError};
+use crate::nearest::nearest;
+
+/// A connection of two parts, links or objects, that no joint of a robot joins: it closes a loop of links, or fixes an object to a hand.
+///
+/// The two are held as they stand to one another when it is made. Parts that are connected do not collide with one another. In a world
+/// they are objects.
+///
+/// ```
+/// use motorium_robots::{ConnectionKind, World};
+///
+/// let text = r#"
+/// objects = [
+///     { name = "beam", shape = { box = { size = [2.0, 0.1, 0.1] } }, position = [0.0, 0.0, 1.5] },
+///     { name = "bob", shape = { sphere = { radius = 0.1 } }, mass = 2.0, position = [0.0, 0.0, 0.9] },
+/// ]
+/// connections = [{ parts = ["bob", "beam"], point = [0.0, 0.0, 0.6] }]
+/// "#;
+/// let world: World = toml::from_str(text).unwrap();
+/// world.check(std::iter::empty()).unwrap();
+/// assert_eq!(world.connections[0].kind, ConnectionKind::Ball);
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Connection {
+    /// The two parts: links of robots, objects, or `world`.
+    pub parts: [String; 2],
+    /// The kind of connection.
+    #[serde(default)]
+    pub kind: ConnectionKind,
+    /// The point that they share, in the axes of the first (m). Default: its origin.
+    #[serde(default)]
+    pub point: [f64; 3],
+}
+
+/// The motions that a connection leaves free.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ConnectionKind {
+    /// They turn about the point, as in a ball joint, a pin of a planar linkage, or a rod end.
+    #[default]
+    Ball,
+    /// They do not move relative to one another.
+    Fixed,
+}
+
+/// Checks the connections of a world: they name objects of it, of which one moves.
+pub(super) fn check(world: &World) -> Result<(), WorldError> {
+    for Connection { parts, point, .. } in &world.connections {
+        let object = |name: &String| world.objects.iter().find(|object| object.name == *name);
+        for name in parts.iter().filter(|name| *name != "world" && object(name).is_none()) {
+            let names = world.objects.iter().map(|object| object.name.as_str());
+            let nearest = nearest(name, names).map(str::to_owned);
+            return Err(WorldError::NothingToConnect { name: name.clone(), nearest });
+        }
+        let [first, second] = parts;
+        if first == second || !parts.iter().filter_map(object).any(super::Object::is_dynamic) {
+            return Err(WorldError::RigidConnection { first: first.clone(), second: second.clone() });
+        }
+        for value in point {
+            super::finite(first, "point of a connection", *value)?;
+        }
+    }
+    Ok(())
+}
