@@ -84,7 +84,6 @@ fn a_panda_puts_a_cube_into_a_bin_and_twice_to_the_same_bit() {
 
 #[test]
 fn a_panda_puts_a_nut_into_a_tray_that_both_are_meshes() {
-    let _machine = machine();
     let ended = whole("pick-nut.toml", &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     let nut = &ended.report().results["physics"]["objects"]["cube"];
