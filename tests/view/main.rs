@@ -3,6 +3,7 @@
 mod bundle;
 mod client;
 mod mjcf;
+mod never_seen;
 mod page;
 mod pictures;
 mod playback;

@@ -4,6 +4,7 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use motorium::graph::{self, Checked, Machine, Override};
 use motorium::worker::Registry;
 
@@ -15,9 +16,17 @@ use crate::out::errln;
 /// The graph that runs when none is named.
 pub(crate) const DEFAULT_GRAPH: &str = "graphs/panda-reach.toml";
 /// The name that stands for standard input.
-pub(crate) const STDIN: &str = "-";
+const STDIN: &str = "-";
 /// The same as the default graph among the examples.
 const DEFAULT_EXAMPLE: &str = "panda-reach";
+
+/// The parser of the graph of a command that reads it more than once: standard input is refused.
+pub(crate) fn graph_file() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        let once = "this command starts the graph more than once, and standard input is read once: write it to a file";
+        if path == Path::new(STDIN) { Err(once) } else { Ok(path) }
+    })
+}
 
 /// Options that name a graph, and override its values.
 #[derive(Debug, Clone, clap::Args)]

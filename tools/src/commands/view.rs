@@ -11,7 +11,7 @@ use anyhow::Context as _;
 use motorium::graph::programs;
 use serde_json::json;
 
-use super::loading::STDIN;
+use super::loading::graph_file;
 use crate::out::errln;
 use crate::runs::RunArg;
 use crate::{complete, overheads, registry, style};
@@ -34,7 +34,8 @@ const RATE_HZ: f64 = 60.0;
 #[derive(Debug, clap::Args)]
 pub(crate) struct View {
     /// The graph to start, or the recording (`.mcap`) to play; a run that goes on is shown if not given
-    #[arg(value_name = "GRAPH|RECORDING", add = complete::graphs(), conflicts_with = "run")]
+    #[arg(value_name = "GRAPH|RECORDING", add = complete::graphs(), conflicts_with = "run",
+          value_parser = graph_file())]
     graph: Option<PathBuf>,
     #[command(flatten)]
     run: RunArg,
@@ -85,14 +86,8 @@ fn program() -> anyhow::Result<PathBuf> {
 impl View {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
         let began = SystemTime::now().duration_since(UNIX_EPOCH)?;
-        if let Some(path) = self.graph.as_deref() {
-            anyhow::ensure!(
-                path != Path::new(STDIN),
-                "the page starts a graph again and again, and standard input is read once: write it to a file"
-            );
-            if is_recording(path) {
-                File::open(path).with_context(|| path.display().to_string())?;
-            }
+        if let Some(path) = self.graph.as_deref().filter(|path| is_recording(path)) {
+            File::open(path).with_context(|| path.display().to_string())?;
         }
         let (sibling, program) = (registry::viewer(), program()?);
         if let Err(problem) = programs::kinds(&program) {

@@ -119,3 +119,15 @@ fn a_bus_that_nobody_offers_or_that_is_not_shared_and_a_frame_that_is_none_are_n
         assert!(text.contains(words), "{arguments:?}: {text}");
     }
 }
+
+#[test]
+fn a_graph_without_an_adapter_has_no_buses_to_check_and_that_is_an_error() {
+    let words = "error: graph `panda-reach` has no component of the kind `can.adapter`";
+    assert!(complaint(&["can", "check", "--example", "panda-reach"]).contains(words));
+    let output = motorium(&["can", "check", "--example", "panda-reach", "--json"]).output().expect("it runs");
+    let told: Value = serde_json::from_slice(&output.stdout).expect("one object");
+    assert_eq!(
+        (&told["valid"], &told["kind"], output.status.code()),
+        (&false.into(), &"failed".into(), Some(1))
+    );
+}

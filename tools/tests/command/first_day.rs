@@ -282,6 +282,48 @@ fn a_missing_mesh_is_warned_of_by_every_command_that_meets_it() {
     }
 }
 
+/// A robot that collides by one mesh and is seen by that and another one, as URDF and as MJCF.
+fn robots_of_seen_meshes(folder: &Path) -> [String; 2] {
+    let shape =
+        |kind: &str, mesh: &str| format!("<{kind}><geometry><mesh filename=\"{mesh}\"/></geometry></{kind}>");
+    let shapes = [("collision", "both.stl"), ("visual", "both.stl"), ("visual", "seen.stl")];
+    let shapes: String = shapes.iter().map(|(kind, mesh)| shape(kind, mesh)).collect();
+    let urdf = format!(
+        r#"<robot name="own"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+        <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>{shapes}</link><joint name="hinge"
+        type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="5"
+        velocity="3"/></joint></robot>"#
+    );
+    let mjcf = r#"<mujoco model="own"><asset><mesh file="both.stl"/><mesh file="seen.stl"/></asset><worldbody>
+        <body name="arm"><joint name="hinge"/><inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/>
+        <geom type="mesh" mesh="both"/><geom type="mesh" mesh="seen" contype="0" conaffinity="0"/></body></worldbody></mujoco>"#;
+    [file(folder, "own.urdf", &urdf), file(folder, "own.xml", mjcf)]
+}
+
+#[test]
+fn a_missing_mesh_that_is_only_seen_is_warned_of_once_and_one_that_is_there_is_not() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let robots = robots_of_seen_meshes(folder.path());
+    let seen = "visual of link \"arm\": mesh \"seen.stl\" not found";
+    let both = "warning: link \"arm\": mesh \"both.stl\" not found";
+    for robot in &robots {
+        let (code, errors) = tried(&["robot", "check", robot]);
+        assert_eq!(code, Some(0), "{errors}");
+        for words in [seen, both] {
+            assert_eq!(errors.matches(words).count(), 1, "{robot}: {errors}");
+        }
+        assert_eq!(errors.matches("not found").count(), 2, "{robot}: {errors}");
+        assert_eq!(tried(&["robot", "check", robot, "--strict"]).0, Some(3));
+    }
+    for mesh in ["both.stl", "seen.stl"] {
+        file(folder.path(), mesh, "solid\nendsolid\n");
+    }
+    for robot in robots.iter().map(String::as_str).chain(["panda"]) {
+        let (code, errors) = tried(&["robot", "check", robot, "--strict"]);
+        assert!(code == Some(0) && errors.is_empty(), "{robot}: {errors}");
+    }
+}
+
 #[test]
 fn a_xacro_file_is_told_from_a_faulty_urdf() {
     let folder = tempfile::tempdir().expect("a folder");

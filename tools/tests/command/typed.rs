@@ -75,6 +75,20 @@ fn a_graph_on_standard_input_is_read_with_its_paths_relative_to_the_current_fold
 }
 
 #[test]
+fn a_graph_on_standard_input_is_refused_by_commands_that_would_read_it_more_than_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [_, graph] = bare_robot(folder.path());
+    for command in [&["bench", "recording", "-"][..], &["bench", "kill", "-"], &["view", "-"]] {
+        let mut command = motorium(command);
+        command.stdin(std::fs::File::open(&graph).expect("it was written"));
+        let output = command.output().expect("it runs");
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(errors.contains("standard input is read once: write it to a file"), "{command:?}: {errors}");
+        assert_eq!(output.status.code(), Some(2), "{command:?}: {errors}");
+    }
+}
+
+#[test]
 fn a_file_of_another_kind_is_told_in_a_few_errors_and_a_name_that_is_no_text_in_one() {
     let folder = tempfile::tempdir().expect("a folder");
     let lines: String = (0..40).map(|line| format!("user{line}:x:{line}:/bin/sh\n")).collect();

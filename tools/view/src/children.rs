@@ -12,10 +12,32 @@ use rustix::process::{Pid, Signal, kill_process};
 /// Time that a run may take to end before it is left alone with its guard.
 const END_WITHIN: Duration = Duration::from_secs(15);
 
-/// A graph that ended before it ran: `motorium run` has said why.
+/// A graph whose run ended before the viewer saw it.
 #[derive(Debug, thiserror::Error)]
-#[error("`motorium run` ended with {0} before its graph ran")]
-pub(crate) struct NeverRan(pub(crate) ExitStatus);
+pub(crate) enum NeverSeen {
+    /// It failed, with an exit code: `motorium run` has said why.
+    #[error("`motorium run` ended with exit code {0} before the viewer saw its graph")]
+    Failed(u8),
+    /// A signal ended it.
+    #[error("`motorium run` was ended ({0}) before the viewer saw its graph")]
+    Killed(ExitStatus),
+    /// It ended in good order.
+    #[error(
+        "the run was over before the viewer saw it, so nothing was shown: let it run for longer, such as `-- --for 1min`, \
+         or record it and play the recording"
+    )]
+    Over,
+}
+
+impl NeverSeen {
+    pub(crate) fn of(status: ExitStatus) -> Self {
+        match status.code().map(u8::try_from) {
+            Some(Ok(0)) => Self::Over,
+            Some(Ok(code)) => Self::Failed(code),
+            Some(Err(_)) | None => Self::Killed(status),
+        }
+    }
+}
 
 /// A graph that the viewer has started.
 #[derive(Debug)]

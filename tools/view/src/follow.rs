@@ -15,7 +15,7 @@ use motorium::run_folder::RunFolder;
 use serde_json::json;
 
 use crate::ask::{Ask, Command};
-use crate::children::{self, NeverRan, Started, Times};
+use crate::children::{self, NeverSeen, Started, Times};
 use crate::cores::stand_aside;
 use crate::joined::{Joined, named, newest};
 use crate::parameters;
@@ -143,7 +143,7 @@ impl Follower {
         if let Some(status) = self.started.as_mut().and_then(Started::ended) {
             self.started = None;
             if self.graph.is_none() {
-                bail!(NeverRan(status));
+                bail!(NeverSeen::of(status));
             }
             eprintln!("the run is over; the page starts it again, Ctrl-C ends the viewer");
             self.tell_run();

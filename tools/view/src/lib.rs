@@ -66,12 +66,9 @@ pub fn main() -> ExitCode {
     match served {
         Ok(code) => code,
         Err(error) => {
-            let never_ran = error.downcast_ref::<children::NeverRan>();
             // Its words are on the screen, and its exit code says which mistake it is.
-            if let Some(code) = never_ran.and_then(|children::NeverRan(status)| status.code())
-                && let Ok(code) = u8::try_from(code)
-            {
-                return ExitCode::from(code);
+            if let Some(children::NeverSeen::Failed(code)) = error.downcast_ref() {
+                return ExitCode::from(*code);
             }
             eprintln!("error: {error:#}");
             ExitCode::FAILURE

@@ -10,7 +10,7 @@ use comfy_table::CellAlignment;
 use motorium_benches::Distribution;
 use motorium_benches::kill::{Cell, Fault, Settings, Summary, Victim, run};
 
-use crate::commands::loading::{DEFAULT_GRAPH, GraphArgs};
+use crate::commands::loading::{DEFAULT_GRAPH, GraphArgs, graph_file};
 use crate::out::{err, errln, out};
 use crate::{exit, registry, report, style};
 
@@ -24,7 +24,7 @@ use crate::{exit, registry, report, style};
 #[derive(Debug, clap::Args)]
 pub(crate) struct Kill {
     /// The graph
-    #[arg(default_value = DEFAULT_GRAPH)]
+    #[arg(default_value = DEFAULT_GRAPH, value_parser = graph_file())]
     graph: PathBuf,
     /// Number of faults
     #[arg(long, short = 'n', default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]

@@ -13,7 +13,7 @@ use motorium::telemetry::Snapshot;
 use motorium::units::TimeSpan;
 use serde_json::json;
 
-use crate::commands::loading::{DEFAULT_GRAPH, GraphArgs};
+use crate::commands::loading::{DEFAULT_GRAPH, GraphArgs, graph_file};
 use crate::commands::recording::Overlay;
 use crate::commands::view::Watched;
 use crate::metrics::Sample;
@@ -32,7 +32,7 @@ use crate::{registry, report};
 #[derive(Debug, clap::Args)]
 pub(crate) struct Recording {
     /// The graph
-    #[arg(default_value = DEFAULT_GRAPH)]
+    #[arg(default_value = DEFAULT_GRAPH, value_parser = graph_file())]
     graph: PathBuf,
     /// Number of turns
     #[arg(long, short = 'n', default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]

@@ -8,8 +8,9 @@ use motorium_can::{Budget, CanAdapterConfig, DriveEntry, HomingBy, HomingProcedu
 use serde_json::{Value, json};
 
 use crate::commands::loading::GraphArgs;
+use crate::failure::{Failure, Kind};
 use crate::out::{out, outln};
-use crate::{exit, registry};
+use crate::registry;
 
 /// Check what the adapters of a graph put on their CAN buses: bits with the most stuffing, turn-round, share of the cycle.
 ///
@@ -41,15 +42,17 @@ impl Check {
             Err(code) => return Ok(code),
         };
         let found = adapters(&checked.plan)?;
+        if found.is_empty() {
+            let words = format!("graph `{}` has no component of the kind `can.adapter`", checked.plan.name);
+            return Ok(Failure::new(Kind::Failed, words).report());
+        }
         if self.json {
             let adapters: Vec<Value> = found.iter().map(value).collect();
             outln!("{}", serde_json::to_string_pretty(&json!({ "adapters": adapters }))?);
-        } else if found.is_empty() {
-            outln!("graph `{}` has no component of the kind `can.adapter`", checked.plan.name);
         } else {
             found.iter().for_each(|found| out!("{}", describe(found)));
         }
-        Ok(if found.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
+        Ok(ExitCode::SUCCESS)
     }
 }
 

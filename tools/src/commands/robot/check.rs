@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use motorium_robots::{Loaded, MimicMode, Model, ModelWarning};
+use motorium_robots::{Geometry, Loaded, MimicMode, Model, ModelWarning, ProfileChoice, Shape, ShapeSource};
 use serde_json::json;
 
 use super::source::RobotArgs;
@@ -34,19 +34,36 @@ impl Check {
             Ok(loaded) => loaded,
             Err(code) => return Ok(code),
         };
+        let mut warnings = warnings(&loaded);
+        warnings.extend(self.of_visuals(&loaded));
         if self.json {
-            outln!("{}", serde_json::to_string_pretty(&report(&loaded))?);
+            outln!("{}", serde_json::to_string_pretty(&report(&loaded, &warnings))?);
         } else {
-            print(&loaded, &self.robot.robot);
+            print(&loaded, &warnings, &self.robot.robot);
         }
-        let refused = self.strict && !warnings(&loaded).is_empty();
+        let refused = self.strict && !warnings.is_empty();
         Ok(if refused { exit::invalid() } else { ExitCode::SUCCESS })
+    }
+
+    /// The defects of its visuals, which pictures and viewers leave out: those that its other shapes do not have.
+    fn of_visuals(&self, robot: &Loaded) -> Vec<String> {
+        match self.robot.load_with(MimicMode::Follow, ProfileChoice::Without, ShapeSource::Visual) {
+            Ok(seen) => {
+                let (known, mut missing) = (missing_meshes(robot), missing_meshes(&seen));
+                missing.retain(|warning| !known.contains(warning));
+                ModelWarning::told(&missing).iter().map(|told| format!("visual of {told}")).collect()
+            }
+            Err(error) => vec![format!("its visuals cannot be read: {error}")],
+        }
     }
 }
 
 /// The defects of its file; and a robot that touches nothing.
 fn warnings(robot: &Loaded) -> Vec<String> {
-    let mut warnings = ModelWarning::told(&robot.warnings);
+    let is_other = |warning: &&ModelWarning| !matches!(warning, ModelWarning::MissingMesh { .. });
+    let mut found: Vec<_> = robot.warnings.iter().filter(is_other).cloned().collect();
+    found.extend(missing_meshes(robot));
+    let mut warnings = ModelWarning::told(&found);
     if !robot.model.has_shapes() {
         let told = "no link has a collision shape: in physics the robot passes through the ground and all objects; \
                     `motorium robot hulls` gives its links the hulls of their visuals";
@@ -55,19 +72,36 @@ fn warnings(robot: &Loaded) -> Vec<String> {
     warnings
 }
 
-fn report(robot: &Loaded) -> serde_json::Value {
+/// The meshes that are nowhere. Those of a URDF are among its warnings, with the folders searched; those of MJCF are not.
+fn missing_meshes(robot: &Loaded) -> Vec<ModelWarning> {
+    let mut missing: Vec<ModelWarning> = Vec::new();
+    let bodies = robot.model.bodies().iter().flat_map(|body| &body.shapes);
+    for Shape { link, geometry, .. } in robot.model.base_shapes().iter().chain(bodies) {
+        let Geometry::Mesh { uri, path: None, inline: None, .. } = geometry else { continue };
+        let told = robot.warnings.iter().find(|warning| {
+            matches!(warning, ModelWarning::MissingMesh { link: of, uri: named, .. } if of == link && named == uri)
+        });
+        let plain = || ModelWarning::MissingMesh { link: link.clone(), uri: uri.clone(), tried: Vec::new() };
+        let warning = told.cloned().unwrap_or_else(plain);
+        if !missing.contains(&warning) {
+            missing.push(warning);
+        }
+    }
+    missing
+}
+
+fn report(robot: &Loaded, warnings: &[String]) -> serde_json::Value {
     json!({
         "valid": true,
         "name": robot.model.name(),
         "file": robot.path,
         "size": facts::size(&robot.model),
-        "warnings": warnings(robot),
+        "warnings": warnings,
     })
 }
 
-fn print(robot: &Loaded, asked: &str) {
-    let warnings = warnings(robot);
-    for warning in &warnings {
+fn print(robot: &Loaded, warnings: &[String], asked: &str) {
+    for warning in warnings {
         errln!("{}: {warning}", style::warning("warning"));
     }
     let count = match warnings.len() {

@@ -36,7 +36,7 @@ impl RobotArgs {
     }
 
     /// The same with another profile, or without one, or with other shapes.
-    fn load_with(
+    pub(super) fn load_with(
         &self,
         mimic: MimicMode,
         profile: ProfileChoice,

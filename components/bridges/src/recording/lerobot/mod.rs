@@ -26,7 +26,7 @@ use crate::parquet::{Column, Values, write};
 pub use choice::usual_signals;
 use frames::Frames;
 pub use pictures::usual_cameras;
-use stats::Stats;
+use stats::{Numbers, Stats};
 
 /// Version of the format.
 const VERSION: &str = "v3.0";
@@ -174,8 +174,8 @@ pub fn write_lerobot(
         Column { name: "task".to_string(), values: Values::Text(vec![dataset.task.clone()]) },
     ];
     table(folder, TASKS, &tasks, &[1], &[("pandas", index_of_tasks().to_string())])?;
-    let stats =
-        numbers(&columns).map(|column| (column.name.clone(), Stats::of(&column.values, 0..total).json()));
+    let stats = numbers(&columns)
+        .map(|column| (column.name.clone(), Stats::of(&Numbers::of(&column.values), 0..total).json()));
     let of_pictures = frames.pictures.iter().map(|pictures| (pictures.feature(), pictures.stats()));
     let stats: serde_json::Map<String, Value> = stats.chain(of_pictures).collect();
     text(folder, "meta/stats.json", &Value::Object(stats))?;
@@ -257,10 +257,10 @@ fn numbers(columns: &[Column]) -> impl Iterator<Item = &Column> {
 fn stats_of_episodes(columns: &[Column], lengths: &[usize]) -> Vec<Column> {
     let mut made = Vec::new();
     for column in numbers(columns) {
-        let mut begin = 0;
+        let (read, mut begin) = (Numbers::of(&column.values), 0);
         let of_episode = |length: &usize| {
             begin += length;
-            Stats::of(&column.values, begin - length..begin)
+            Stats::of(&read, begin - length..begin)
         };
         let stats: Vec<Stats> = lengths.iter().map(of_episode).collect();
         let mut add = |name: &str, entries: Values| {

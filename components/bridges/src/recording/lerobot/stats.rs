@@ -10,6 +10,22 @@ use crate::parquet::Values;
 pub(super) const QUANTILES: [(&str, f64); 5] =
     [("q01", 0.01), ("q10", 0.1), ("q50", 0.5), ("q90", 0.9), ("q99", 0.99)];
 
+/// The numbers of a column, read out once for the statistics of all its ranges of rows.
+pub(super) struct Numbers {
+    flat: Vec<f64>,
+    /// Numbers of a row.
+    width: usize,
+}
+
+impl Numbers {
+    /// Those of a column; none of one that is no numbers.
+    pub(super) fn of(values: &Values) -> Self {
+        let flat = numbers(values);
+        let width = flat.len().checked_div(values.len()).unwrap_or(0);
+        Self { flat, width }
+    }
+}
+
 /// Statistics of each number of a column.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Stats {
@@ -20,9 +36,8 @@ pub(super) struct Stats {
 
 impl Stats {
     /// Those of some rows of a column.
-    pub(super) fn of(values: &Values, rows: Range<usize>) -> Self {
-        let flat = numbers(values);
-        let width = flat.len().checked_div(values.len()).unwrap_or(0);
+    pub(super) fn of(Numbers { flat, width }: &Numbers, rows: Range<usize>) -> Self {
+        let width = *width;
         let flat = &flat[rows.start * width..rows.end * width];
         let mut rising: Vec<Vec<f64>> =
             (0..width).map(|entry| flat.iter().skip(entry).step_by(width).copied().collect()).collect();
@@ -98,7 +113,8 @@ mod tests {
         let values = [3.0, 1.0, 2.0, 10.0];
         let entries = values.iter().flat_map(|value| [*value, 1.0]).collect();
         let column = Values::List { lengths: vec![2; 4], entries: Box::new(Values::Float(entries)) };
-        let stats = Stats::of(&column, 0..4).json();
+        let read = Numbers::of(&column);
+        let stats = Stats::of(&read, 0..4).json();
         assert_eq!(stats["min"], json!([1.0, 1.0]));
         assert_eq!(stats["max"], json!([10.0, 1.0]));
         assert_eq!(stats["mean"], json!([4.0, 1.0]));
@@ -111,7 +127,7 @@ mod tests {
         near("std", 3.535_533_905_932_737_8);
         near("q90", 7.9);
         near("q01", 1.03);
-        let last = Stats::of(&column, 2..4).json();
+        let last = Stats::of(&read, 2..4).json();
         assert_eq!(
             (&last["min"], &last["max"], &last["count"]),
             (&json!([2.0, 1.0]), &json!([10.0, 1.0]), &json!([2]))

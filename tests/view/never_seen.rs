@@ -1,0 +1,41 @@
+//! Runs that are over before the viewer has seen them. The command that runs the graph is one that ends at once.
+
+use std::fs::Permissions;
+use std::os::unix::fs::PermissionsExt as _;
+use std::process::Command;
+
+use serde_json::json;
+
+use crate::VIEW;
+
+/// Exit code and standard error of the viewer whose runs are this line of a shell.
+fn viewed(line: &str) -> (Option<i32>, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = folder.path().join("run");
+    std::fs::write(&run, format!("#!/bin/sh\n{line}\n")).expect("the folder takes files");
+    std::fs::set_permissions(&run, Permissions::from_mode(0o755)).expect("it is ours");
+    let order = json!({ "motorium": run, "graph": "a.toml", "port": 0, "rate_hz": 60.0 });
+    let output = Command::new(VIEW).args(["motorium-view", &order.to_string()]).output().expect("it starts");
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[test]
+fn a_run_that_ended_well_before_it_was_seen_is_told_and_is_no_success() {
+    let (code, errors) = viewed("exit 0");
+    assert!(errors.contains("error: the run was over before the viewer saw it"), "{errors}");
+    assert_eq!(code, Some(1), "{errors}");
+}
+
+#[test]
+fn the_exit_code_of_a_run_that_failed_before_it_was_seen_is_that_of_the_viewer_which_adds_no_words() {
+    let (code, errors) = viewed("exit 3");
+    assert!(!errors.contains("error"), "{errors}");
+    assert_eq!(code, Some(3), "{errors}");
+}
+
+#[test]
+fn a_run_that_a_signal_ended_before_it_was_seen_is_told_and_is_no_success() {
+    let (code, errors) = viewed("kill -9 $$");
+    assert!(errors.contains("`motorium run` was ended (signal: 9"), "{errors}");
+    assert_eq!(code, Some(1), "{errors}");
+}
