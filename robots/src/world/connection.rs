@@ -53,7 +53,7 @@ pub enum ConnectionKind {
 pub(super) fn check(world: &World) -> Result<(), WorldError> {
     for Connection { parts, point, .. } in &world.connections {
         let object = |name: &String| world.objects.iter().find(|object| object.name == *name);
-        for name in parts.iter().filter(|name| *name != "world" && object(name).is_none()) {
+        if let Some(name) = parts.iter().find(|name| *name != "world" && object(name).is_none()) {
             let names = world.objects.iter().map(|object| object.name.as_str());
             let nearest = nearest(name, names).map(str::to_owned);
             return Err(WorldError::NothingToConnect { name: name.clone(), nearest });

@@ -14,10 +14,11 @@ use crate::component::number;
 use crate::graph::{Targets, controller, graph, run};
 use crate::robot::Panda;
 
+/// Result of a step, its conflict, and its distance from the least-squares solution.
+type Contradiction = (Result<DVector<f64>, IkError>, Option<(f64, Vec<IkConstraint>)>, f64);
+
 /// The hand is to stay where it is, and all joints are to move at 0.1 rad/s: no velocity does both.
-fn contradiction(
-    relaxation: Option<f64>,
-) -> (Result<DVector<f64>, IkError>, Option<(f64, Vec<IkConstraint>)>, f64) {
+fn contradiction(relaxation: Option<f64>) -> Contradiction {
     let panda = Panda::new();
     let model = &panda.model;
     let mut kinematics = Kinematics::new(model);
