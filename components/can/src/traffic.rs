@@ -83,13 +83,13 @@ fn mistake(frame: &str) -> Option<String> {
     if let Some(letter) = no_digit(bytes).filter(|letter| !matches!(letter, 'R' | 'r' | '.')) {
         return Some(format!("`{letter}` in the data is no hexadecimal digit"));
     }
-    if bytes.len() > 2 * most {
-        return Some(format!(
-            "{} bytes of data, and a frame {form} has up to {most}",
-            bytes.len().div_ceil(2)
-        ));
+    // dots may stand between bytes
+    let digits = bytes.chars().filter(|letter| *letter != '.').count();
+    if digits > 2 * most {
+        let count = digits.div_ceil(2);
+        return Some(format!("{count} bytes of data, and a frame {form} has up to {most}"));
     }
-    (!bytes.contains('.') && bytes.len() % 2 == 1).then(|| "half a byte of data at its end".to_string())
+    (digits % 2 == 1).then(|| "half a byte of data at its end".to_string())
 }
 
 impl Record {
@@ -254,7 +254,9 @@ mod tests {
             ("3FFFFFFF#01", "the identifier 0x3FFFFFFF is beyond 0x1FFFFFFF"),
             ("123#0G", "`G` in the data is no hexadecimal digit"),
             ("123#010", "half a byte of data at its end"),
+            ("123#01.020", "half a byte of data at its end"),
             ("123#010203040506070809", "9 bytes of data, and a frame of classic CAN has up to 8"),
+            ("123#01.02.03.04.05.06.07.08.09", "9 bytes of data, and a frame of classic CAN has up to 8"),
         ] {
             let told = Record::of_frame(frame, "can0").err().map(|error| error.to_string());
             assert!(told.as_ref().is_some_and(|told| told.contains(words)), "{frame}: {told:?}");
