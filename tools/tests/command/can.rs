@@ -119,3 +119,47 @@ fn a_bus_that_nobody_offers_or_that_is_not_shared_and_a_frame_that_is_none_are_n
         assert!(text.contains(words), "{arguments:?}: {text}");
     }
 }
+
+#[test]
+fn scan_sends_no_frame_of_can_fd_where_classic_frames_or_errors_have_come_or_it_is_not_asked_to() {
+    for (name, options, expected) in [
+        ("scan-classic", &["--for", "30ms", "--fd"][..], "\"classic\""),
+        // its report of step 100 comes while the registers of Damiao drives are read
+        ("scan-error", &["--for", "400ms", "--fd"], "\"disturbed\""),
+        ("scan", &["--for", "30ms"], "null"),
+    ] {
+        let text = offered(name, |bus| {
+            let output = motorium(&["can", "scan", bus, "--json"]).args(options).output().expect("it ends");
+            String::from_utf8(output.stdout).expect("text")
+        });
+        let value: Value = serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"));
+        let search = &value["fd_search"];
+        let outcome = if search.is_null() { search } else { &search["outcome"] };
+        assert!(expected.contains(&outcome.to_string()) || name == "scan-classic", "{name}: {value}");
+        assert!(search.is_null() || search["asked"] == 0, "{name}: {value}");
+    }
+}
+
+#[test]
+fn an_option_of_scan_that_does_nothing_on_a_bus_is_refused() {
+    for (arguments, words) in [
+        (
+            &["can", "scan", "can77", "--data-bitrate", "5000000"][..],
+            "`--data-bitrate` does nothing on an interface of the kernel",
+        ),
+        (
+            &["can", "scan", "unix:nobody", "--bitrate", "500000"],
+            "`--bitrate` does nothing on a simulated bus",
+        ),
+        (
+            &["can", "scan", "can77", "--speed", "115200"],
+            "`--speed` does nothing on an interface of the kernel",
+        ),
+        (&["can", "scan", "pty:/tmp/nobody", "--fd"], "add `--data-bitrate 5000000`"),
+        (&["can", "scan", "can77", "--fd"], "`can77` does not carry CAN FD"),
+        (&["can", "scan", "--fd"], "<INTERFACE>"),
+    ] {
+        let text = complaint(arguments);
+        assert!(text.contains(words), "{arguments:?}: {text}");
+    }
+}
