@@ -251,7 +251,7 @@ mod tests {
             ("12G#01", "`G` in the identifier is no hexadecimal digit"),
             ("12#01", "an identifier of 2 digits, expected 3 (11 bits) or 8 (29 bits)"),
             ("8FF#01", "the identifier 0x8FF is beyond 0x7FF"),
-            ("3FFFFFFF#01", "the identifier 0x3FFFFFFF is beyond 0x1FFFFFFF"),
+            ("40000000#01", "the identifier 0x40000000 is beyond 0x1FFFFFFF"),
             ("123#0G", "`G` in the data is no hexadecimal digit"),
             ("123#010", "half a byte of data at its end"),
             ("123#01.020", "half a byte of data at its end"),

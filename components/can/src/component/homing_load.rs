@@ -175,8 +175,8 @@ mod tests {
         let mut text = String::from("[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n");
         for (i, homing) in homings.iter().enumerate() {
             text += &format!(
-                "[[drive]]\njoint = \"joint{0}\"\nbus = \"can0\"\nprotocol = \"damiao\"\nnode = {0}\nratio = 4.0\n\
-                 watchdog = \"20 ms\"\nranges = {{ position = 25.0, velocity = 30.0, torque = 8.0 }}\n{homing}\n",
+                "[[drive]]\njoint = \"joint{0}\"\nbus = \"can0\"\nprotocol = \"damiao\"\nnode = {0}\nratio = 20.0\n\
+                 watchdog = \"20 ms\"\nranges = {{ position = 80.0, velocity = 120.0, torque = 8.0 }}\n{homing}\n",
                 i + 1
             );
         }
@@ -305,7 +305,7 @@ mod tests {
     #[test]
     fn the_energy_at_the_stop_is_bounded_by_the_inertia_of_the_stretched_arm() {
         // 3 I + m (0.2^2 + 0.6^2 + 1.0^2)
-        let inertia = 3.0 * 0.013_558_333 + 1.4;
+        let inertia = 3.0 * 0.013_558_333 + 1.4_f64;
         let fastest = (2.0 * 0.1 / inertia).sqrt();
         let fast = at_stop(fastest * 1.001, 12.0, "");
         let (told, is_refused) = message([&fast, "", ""], [0.0; 3]);

@@ -279,7 +279,7 @@ mod tests {
         (loaded.model, loaded.profile) = (robot(&joints), None);
         let table = "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n[[drive]]\njoint = \"j3\"\nbus = \"can0\"\nprotocol = \"damiao\"\nnode = 1\n\
                      watchdog = \"20 ms\"\nranges = { position = 12.5, velocity = 30.0, torque = 8.0 }\n\
-                     homing = { by = \"stop\", velocity = 0.1, effort = 1.0, position = 1.5 }\n";
+                     homing = { by = \"stop\", velocity = 0.1, effort = 0.4, position = 1.5 }\n";
         let equipped = Equipped { robot: loaded, table: Table::parse(table).unwrap(), order: vec![0; 30] };
         let entry = equipped.table.drives[0].homing.clone().unwrap();
         let mut weights = Weights::new(&equipped, [0.0, 0.0, -9.81], 3, &entry, &[None; 30]);
