@@ -93,12 +93,16 @@ fn mistake(frame: &str) -> Option<String> {
 }
 
 impl Record {
-    /// Reads a frame alone, such as `123#0102`, for an interface.
+    /// Reads a frame alone, such as `123#0102`, for an interface. Dots may stand between the bytes of its data.
     ///
     /// # Errors
     /// It is no frame.
     pub fn of_frame(frame: &str, interface: &str) -> Result<Self, RecordError> {
-        let line = format!("(0.000000) {interface} {frame}");
+        let plain = match frame.split_once('#') {
+            Some((id, data)) => format!("{id}#{}", data.replace('.', "")),
+            None => frame.to_string(),
+        };
+        let line = format!("(0.000000) {interface} {plain}");
         line.parse().map_err(|error: RecordError| {
             let message = mistake(frame).unwrap_or(error.message);
             RecordError { found: frame.to_string(), message }
@@ -223,6 +227,7 @@ mod tests {
         assert_eq!(frame("00000123#01"), Some(Frame::classic(Id::Extended(0x123), &[1])));
         assert_eq!(frame("123##0AA"), Frame::new(Id::Standard(0x123), Form::Fd, &[0xaa]));
         assert_eq!(frame("123##1AA"), Frame::new(Id::Standard(0x123), Form::FdFast, &[0xaa]));
+        assert_eq!(frame("123#01.02"), frame("123#0102"));
         assert_eq!(frame("123#R"), None);
     }
 
