@@ -39,7 +39,7 @@ pub use database::{Database, DatabaseError, Decoded, SignalValue};
 pub use drives::range::{Fields, Range};
 pub use drives::{cia402, damiao, dynamixel, feetech, mit, moteus, odrive, servo};
 pub use frame::{DecodeError, Form, Frame, Id};
-pub use scan::{Device, DeviceKind, Found, scan};
+pub use scan::{Device, DeviceKind, FdSearch, Found, scan};
 pub use scan_servos::{SPEEDS as SERVO_SPEEDS, ServoFound, scan_servos};
 pub use simulated_drive::{AnySimulatedDrive, Mark, Overrides, SimulatedDrive};
 pub use table::{

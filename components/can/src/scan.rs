@@ -1,12 +1,14 @@
 //! The devices on a bus: who answers, by which protocol, with which settings.
 
+mod answers;
+
 use core::time::Duration;
 
 use crate::bus::{Bus, Received};
-use crate::damiao::{EVERYBODY, Register, Request, Value};
+use crate::damiao::{Register, Request};
 use crate::frame::{Form, Frame, Id};
 use crate::moteus::{self, Home, Mode, Resolution};
-use crate::odrive::{self, Report};
+use answers::{damiao, heartbeat, moteus};
 
 /// A device that was found on a bus.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,17 +61,43 @@ pub struct Found {
     pub devices: Vec<Device>,
     /// Identifiers of frames that belong to none of them, and how many there were.
     pub others: Vec<(Id, u64)>,
+    /// The search for drives that speak CAN FD.
+    pub fd: FdSearch,
+    /// A frame of classic CAN was received: its sender may know no others.
+    has_classic: bool,
 }
 
-/// Finds the devices on a bus. Reads the registers of Damiao drives and, on a bus of CAN FD (`is_fd`), of moteus, which changes
-/// nothing, and listens for the heartbeats of ODrives and CANopen nodes. `pass` lets time pass.
+/// The outcome of a search for drives that speak CAN FD.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FdSearch {
+    /// It was not wanted.
+    #[default]
+    NotWanted,
+    /// Each number was asked.
+    Complete,
+    /// No frame of CAN FD was sent: a device on the bus sends classic frames, and may know no others.
+    Classic,
+    /// The bus reported an error after so many numbers had been asked, and no more were.
+    Disturbed {
+        /// How many had been asked.
+        asked: u8,
+    },
+}
+
+/// Finds the devices on a bus. Reads the registers of Damiao drives, which changes nothing, and listens for the heartbeats of ODrives
+/// and CANopen nodes. `pass` lets time pass.
+///
+/// With `has_errors`, which tells whether the bus has reported an error since it was opened, the registers of moteus are read
+/// afterwards, by frames of CAN FD. A node that knows classic frames only disturbs those, and the controller repeats them until it
+/// leaves the bus: none is sent once a classic frame or an error has been received, and no more after the first error. A classic node
+/// that has been silent is not known: want this only where every node knows CAN FD.
 ///
 /// ```no_run
 /// use std::time::Duration;
 /// use motorium_can::{SocketBus, scan};
 ///
 /// let mut bus = SocketBus::open("can0")?;
-/// let found = scan(&mut bus, false, Duration::from_secs(1), |_, time| std::thread::sleep(time));
+/// let found = scan(&mut bus, None, Duration::from_secs(1), |_, time| std::thread::sleep(time));
 /// for device in found.devices {
 ///     println!("{} {:?}", device.node, device.kind);
 /// }
@@ -77,7 +105,7 @@ pub struct Found {
 /// ```
 pub fn scan<B: Bus>(
     bus: &mut B,
-    is_fd: bool,
+    has_errors: Option<&dyn Fn(&B) -> bool>,
     listen: Duration,
     mut pass: impl FnMut(&mut B, Duration),
 ) -> Found {
@@ -91,11 +119,6 @@ pub fn scan<B: Bus>(
             receive(bus, &mut found);
         }
     }
-    for node in (1..=126).filter_map(moteus::Node::new).filter(|_| is_fd) {
-        bus.send(&[node.frame(&moteus::Instruction::Query, Resolution::Int16)]);
-        pass(bus, PAUSE);
-        receive(bus, &mut found);
-    }
     let mut left = listen;
     while !left.is_zero() {
         let pause = left.min(Duration::from_millis(10));
@@ -103,9 +126,37 @@ pub fn scan<B: Bus>(
         receive(bus, &mut found);
         left -= pause;
     }
+    if let Some(has_errors) = has_errors {
+        found.fd = search_fd(bus, &mut found, has_errors, |bus| pass(bus, PAUSE));
+    }
     found.devices.sort_by_key(|device| device.node);
     found.others.sort_by_key(|(id, _)| id.arbitration());
     found
+}
+
+/// Reads the registers of moteus.
+fn search_fd<B: Bus>(
+    bus: &mut B,
+    found: &mut Found,
+    has_errors: &dyn Fn(&B) -> bool,
+    mut pass: impl FnMut(&mut B),
+) -> FdSearch {
+    for (asked, node) in (1..=126).filter_map(moteus::Node::new).enumerate() {
+        if has_errors(bus) {
+            return FdSearch::Disturbed { asked: asked as u8 };
+        }
+        if found.has_classic {
+            return FdSearch::Classic;
+        }
+        bus.send(&[node.frame(&moteus::Instruction::Query, Resolution::Int16)]);
+        pass(bus);
+        receive(bus, found);
+    }
+    for _ in 0..10 {
+        pass(bus);
+        receive(bus, found);
+    }
+    FdSearch::Complete
 }
 
 fn receive(bus: &mut impl Bus, found: &mut Found) {
@@ -123,6 +174,7 @@ fn receive(bus: &mut impl Bus, found: &mut Found) {
 
 impl Found {
     fn take(&mut self, frame: &Frame) {
+        self.has_classic |= frame.form == Form::Classic;
         if let Some(device) = damiao(frame) {
             let kind = |device: &Device| matches!(device.kind, DeviceKind::Damiao { .. });
             match self.devices.iter_mut().find(|known| known.node == device.node && kind(known)) {
@@ -179,60 +231,6 @@ impl DeviceKind {
     }
 }
 
-/// The answer of a Damiao drive about one of its registers.
-fn damiao(frame: &Frame) -> Option<Device> {
-    let (Id::Standard(master), [node, 0, _, register, ..]) = (frame.id, frame.data()) else { return None };
-    if frame.id == EVERYBODY {
-        return None;
-    }
-    let register = *Register::CHECKED.iter().find(|known| **known as u8 == *register)?;
-    let value = Request { node: *node, register }.value(frame, frame.id).ok()?;
-    let (mut watchdog_ns, mut ranges) = (None, [None; 3]);
-    match (register, value) {
-        (_, Value::Watchdog(time)) => watchdog_ns = Some(time.unwrap_or(0)),
-        (Register::PositionMax, Value::Number(max)) => ranges[0] = Some(max),
-        (Register::VelocityMax, Value::Number(max)) => ranges[1] = Some(max),
-        (_, Value::Number(max)) => ranges[2] = Some(max),
-    }
-    Some(Device { node: *node, kind: DeviceKind::Damiao { master, watchdog_ns, ranges } })
-}
-
-/// The answer of a moteus.
-fn moteus(frame: &Frame) -> Option<Device> {
-    let number = match frame.id {
-        Id::Standard(id) => u32::from(id),
-        Id::Extended(id) => id,
-    };
-    // whole and in frames of CAN FD only: no other drive sends such
-    let node =
-        u8::try_from(number >> 8).ok().filter(|_| number & 0xff == 0 && frame.form != Form::Classic)?;
-    let moteus::State { mode, home, fault, .. } = moteus::Node::new(node)?.reply(frame).ok()?;
-    Some(Device { node, kind: DeviceKind::Moteus { mode, home, fault } })
-}
-
-/// The heartbeat of an ODrive or of a CANopen node.
-fn heartbeat(frame: &Frame) -> Option<Device> {
-    let Id::Standard(id) = frame.id else { return None };
-    match *frame.data() {
-        [state] if (0x701..=0x77f).contains(&id) && matches!(state & 0x7f, 0 | 4 | 5 | 127) => {
-            Some(Device { node: (id & 0x7f) as u8, kind: DeviceKind::CanOpen { state: state & 0x7f } })
-        }
-        // the last bytes are the result of a procedure, or flags: of motor, encoder, controller, and of a trajectory
-        [.., result, encoder, flags]
-            if id & 0x1f == 1 && result < 0x10 && encoder < 2 && flags & 0x7e == 0 =>
-        {
-            let node = (id >> 5) as u8;
-            let Report::Heartbeat { error: errors, state, .. } =
-                odrive::Node::new(node)?.report(frame).ok()?
-            else {
-                return None;
-            };
-            Some(Device { node, kind: DeviceKind::Odrive { state: state as u8, errors } })
-        }
-        _ => None,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -244,11 +242,18 @@ mod tests {
         bus: SimulatedBus,
         drive: SimulatedDrive,
         moteus: AnySimulatedDrive,
+        /// All but the moteus are there, which send classic frames.
+        has_classic: bool,
+        /// Frames of CAN FD that were sent.
+        fd_frames: u32,
+        /// How many of those it takes for the bus to report an error.
+        errors_from: u32,
         now_ns: u64,
     }
 
     impl Bus for Desk {
         fn send(&mut self, frames: &[Frame]) -> usize {
+            self.fd_frames += frames.iter().filter(|frame| frame.form != Form::Classic).count() as u32;
             self.bus.port(0, self.now_ns).send(frames)
         }
 
@@ -263,7 +268,8 @@ mod tests {
             self.now_ns += time.as_nanos() as u64;
             let heard = self.bus.port(1, self.now_ns).receive(&mut inbox);
             for received in &inbox[..heard] {
-                if let Some(answer) = self.drive.receive(&received.frame, received.time_ns) {
+                let answer = self.drive.receive(&received.frame, received.time_ns);
+                if let Some(answer) = answer.filter(|_| self.has_classic) {
                     self.bus.enqueue(1, answer, received.time_ns + 50_000);
                 }
                 let Self { bus, moteus, .. } = self;
@@ -271,7 +277,7 @@ mod tests {
                     bus.enqueue(1, answer, received.time_ns + 50_000);
                 });
             }
-            if self.now_ns.is_multiple_of(100_000_000) {
+            if self.has_classic && self.now_ns.is_multiple_of(100_000_000) {
                 let beat = |id, data: &[u8]| Frame::classic(Id::Standard(id), data);
                 self.bus.enqueue(2, beat(0x061, &[0, 0, 0, 0, 8, 0, 0, 0]), self.now_ns);
                 self.bus.enqueue(2, beat(0x705, &[5]), self.now_ns);
@@ -303,36 +309,75 @@ mod tests {
         AnySimulatedDrive::new(&Table::parse(table).unwrap(), 0, Overrides::default())
     }
 
-    #[test]
-    fn devices_are_found_with_what_they_tell_of_themselves() {
-        for is_fd in [true, false] {
-            devices_are_found(is_fd);
-        }
-    }
-
-    fn devices_are_found(is_fd: bool) {
+    /// A desk with the drives that beat, or without.
+    fn desk(has_beats: bool) -> Desk {
         let codec = mit::Drive::damiao(4, 0x14, Ranges::new(12.5, 30.0, 10.0));
         let rates = Rates { nominal: 1_000_000, fast: 1_000_000 };
         let drive = SimulatedDrive::new(codec, Some(20_000_000));
-        let mut desk = Desk { bus: SimulatedBus::new(rates, 3, 64), drive, moteus: moteus(), now_ns: 0 };
-        let found = scan(&mut desk, is_fd, Duration::from_millis(500), |desk, time| desk.pass(time));
+        let bus = SimulatedBus::new(rates, 3, 64);
+        Desk {
+            bus,
+            drive,
+            moteus: moteus(),
+            has_classic: has_beats,
+            fd_frames: 0,
+            errors_from: u32::MAX,
+            now_ns: 0,
+        }
+    }
+
+    fn scanned(desk: &mut Desk, is_fd: bool) -> Found {
+        let has_errors = |desk: &Desk| desk.fd_frames >= desk.errors_from;
+        let has_errors = is_fd.then_some(&has_errors as &dyn Fn(&Desk) -> bool);
+        scan(desk, has_errors, Duration::from_millis(500), |desk, time| desk.pass(time))
+    }
+
+    #[test]
+    fn devices_are_found_with_what_they_tell_of_themselves() {
+        let mut desk = desk(true);
+        let found = scanned(&mut desk, false);
         let kinds: Vec<_> = found.devices.iter().map(|device| (device.node, device.kind.clone())).collect();
         let damiao = DeviceKind::Damiao {
             master: 0x14,
             watchdog_ns: Some(20_000_000),
             ranges: [Some(12.5), Some(30.0), Some(10.0)],
         };
-        let mut expected = vec![
+        let expected = [
             (3, DeviceKind::Odrive { state: 8, errors: 0 }),
             (4, damiao),
             (5, DeviceKind::CanOpen { state: 5 }),
         ];
-        if is_fd {
-            let moteus = DeviceKind::Moteus { mode: Mode::Stopped, home: Some(Home::Output), fault: 0 };
-            expected.push((9, moteus));
-        }
         assert_eq!(kinds, expected);
         assert!(matches!(found.others[..], [(Id::Standard(0x555), 2..)]), "{:?}", found.others);
         assert!(!desk.drive.is_enabled() && !desk.moteus.is_enabled());
+        assert_eq!((found.fd, desk.fd_frames), (FdSearch::NotWanted, 0));
+    }
+
+    #[test]
+    fn moteus_are_found_where_it_is_wanted_and_no_device_sends_classic_frames() {
+        let mut desk = desk(false);
+        let found = scanned(&mut desk, true);
+        let kind = DeviceKind::Moteus { mode: Mode::Stopped, home: Some(Home::Output), fault: 0 };
+        assert_eq!(found.devices, [Device { node: 9, kind }]);
+        assert_eq!((found.fd, desk.fd_frames), (FdSearch::Complete, 126));
+        assert!(!desk.moteus.is_enabled());
+    }
+
+    #[test]
+    fn no_frame_of_can_fd_is_sent_to_a_bus_with_a_device_that_sends_classic_frames() {
+        let mut desk = desk(true);
+        let found = scanned(&mut desk, true);
+        assert_eq!((found.fd, desk.fd_frames), (FdSearch::Classic, 0));
+        assert_eq!(found.devices.len(), 3, "the classic ones: {found:?}");
+    }
+
+    #[test]
+    fn no_frame_of_can_fd_follows_an_error_of_the_bus() {
+        for errors_from in [0, 1, 5] {
+            let mut desk = Desk { errors_from, ..desk(false) };
+            let found = scanned(&mut desk, true);
+            assert_eq!(found.fd, FdSearch::Disturbed { asked: errors_from as u8 });
+            assert_eq!(desk.fd_frames, errors_from);
+        }
     }
 }

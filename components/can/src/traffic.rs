@@ -83,22 +83,26 @@ fn mistake(frame: &str) -> Option<String> {
     if let Some(letter) = no_digit(bytes).filter(|letter| !matches!(letter, 'R' | 'r' | '.')) {
         return Some(format!("`{letter}` in the data is no hexadecimal digit"));
     }
-    if bytes.len() > 2 * most {
-        return Some(format!(
-            "{} bytes of data, and a frame {form} has up to {most}",
-            bytes.len().div_ceil(2)
-        ));
+    // dots may stand between bytes
+    let digits = bytes.chars().filter(|letter| *letter != '.').count();
+    if digits > 2 * most {
+        let count = digits.div_ceil(2);
+        return Some(format!("{count} bytes of data, and a frame {form} has up to {most}"));
     }
-    (!bytes.contains('.') && bytes.len() % 2 == 1).then(|| "half a byte of data at its end".to_string())
+    (digits % 2 == 1).then(|| "half a byte of data at its end".to_string())
 }
 
 impl Record {
-    /// Reads a frame alone, such as `123#0102`, for an interface.
+    /// Reads a frame alone, such as `123#0102`, for an interface. Dots may stand between the bytes of its data.
     ///
     /// # Errors
     /// It is no frame.
     pub fn of_frame(frame: &str, interface: &str) -> Result<Self, RecordError> {
-        let line = format!("(0.000000) {interface} {frame}");
+        let plain = match frame.split_once('#') {
+            Some((id, data)) => format!("{id}#{}", data.replace('.', "")),
+            None => frame.to_string(),
+        };
+        let line = format!("(0.000000) {interface} {plain}");
         line.parse().map_err(|error: RecordError| {
             let message = mistake(frame).unwrap_or(error.message);
             RecordError { found: frame.to_string(), message }
@@ -223,6 +227,7 @@ mod tests {
         assert_eq!(frame("00000123#01"), Some(Frame::classic(Id::Extended(0x123), &[1])));
         assert_eq!(frame("123##0AA"), Frame::new(Id::Standard(0x123), Form::Fd, &[0xaa]));
         assert_eq!(frame("123##1AA"), Frame::new(Id::Standard(0x123), Form::FdFast, &[0xaa]));
+        assert_eq!(frame("123#01.02"), frame("123#0102"));
         assert_eq!(frame("123#R"), None);
     }
 
@@ -251,10 +256,12 @@ mod tests {
             ("12G#01", "`G` in the identifier is no hexadecimal digit"),
             ("12#01", "an identifier of 2 digits, expected 3 (11 bits) or 8 (29 bits)"),
             ("8FF#01", "the identifier 0x8FF is beyond 0x7FF"),
-            ("3FFFFFFF#01", "the identifier 0x3FFFFFFF is beyond 0x1FFFFFFF"),
+            ("40000000#01", "the identifier 0x40000000 is beyond 0x1FFFFFFF"),
             ("123#0G", "`G` in the data is no hexadecimal digit"),
             ("123#010", "half a byte of data at its end"),
+            ("123#01.020", "half a byte of data at its end"),
             ("123#010203040506070809", "9 bytes of data, and a frame of classic CAN has up to 8"),
+            ("123#01.02.03.04.05.06.07.08.09", "9 bytes of data, and a frame of classic CAN has up to 8"),
         ] {
             let told = Record::of_frame(frame, "can0").err().map(|error| error.to_string());
             assert!(told.as_ref().is_some_and(|told| told.contains(words)), "{frame}: {told:?}");

@@ -131,3 +131,47 @@ fn a_graph_without_an_adapter_has_no_buses_to_check_and_that_is_an_error() {
         (&false.into(), &"failed".into(), Some(1))
     );
 }
+
+#[test]
+fn scan_asks_no_drive_of_can_fd_where_classic_frames_have_come_or_it_is_not_wanted() {
+    let searched = |name: &str, options: &[&str]| {
+        let text = offered(name, |bus| {
+            let output = motorium(&["can", "scan", bus, "--for", "30ms", "--json"])
+                .args(options)
+                .output()
+                .expect("it ends");
+            String::from_utf8(output.stdout).expect("text")
+        });
+        let value: Value = serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"));
+        value["fd_search"].clone()
+    };
+    // the report of the bus may come before it was opened
+    let search = searched("scan-fd", &["--fd"]);
+    let outcome = search["outcome"].as_str().expect("an outcome");
+    assert!(matches!(outcome, "classic" | "disturbed") && search["asked"] == 0, "{search}");
+    assert_eq!(searched("scan", &[]), Value::Null);
+}
+
+#[test]
+fn an_option_of_scan_that_does_nothing_on_a_bus_is_refused() {
+    for (arguments, words) in [
+        (
+            &["can", "scan", "can77", "--data-bitrate", "5000000"][..],
+            "`--data-bitrate` does nothing on an interface of the kernel",
+        ),
+        (
+            &["can", "scan", "unix:nobody", "--bitrate", "500000"],
+            "`--bitrate` does nothing on a simulated bus",
+        ),
+        (
+            &["can", "scan", "can77", "--speed", "115200"],
+            "`--speed` does nothing on an interface of the kernel",
+        ),
+        (&["can", "scan", "pty:/tmp/nobody", "--fd"], "add `--data-bitrate 5000000`"),
+        (&["can", "scan", "can77", "--fd"], "`can77` does not carry CAN FD"),
+        (&["can", "scan", "--fd"], "<INTERFACE>"),
+    ] {
+        let text = complaint(arguments);
+        assert!(text.contains(words), "{arguments:?}: {text}");
+    }
+}

@@ -8,7 +8,7 @@ mod stop;
 use super::dialogue::Order;
 use super::{Adapter, Link, OnTrip, Phase, Setpoint};
 use crate::table::{HomingBy, HomingEntry};
-pub(crate) use stop::RUNAWAY;
+pub(crate) use stop::{EASED, RUNAWAY, STILL};
 use stop::{Outcome, Stop};
 
 /// The reason why a joint was not homed.

@@ -24,7 +24,7 @@ use crate::table::Table;
 use common_answer::CommonAnswer;
 pub use counts::Counts;
 use dialogue::{Dialogue, Order, Servo};
-pub(crate) use homing::RUNAWAY;
+pub(crate) use homing::{EASED, RUNAWAY, STILL};
 pub use homing::{HomingFault, HomingState};
 pub use link::Link;
 pub use setting::WrongSetting;

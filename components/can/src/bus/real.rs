@@ -103,6 +103,13 @@ impl RealBus {
         }
     }
 
+    /// True if it has reported an error since it was opened, or its condition is not the best.
+    pub fn has_errors(&self) -> bool {
+        let SocketCounts { unacknowledged, disturbed, bus_off, queue_full, down, .. } = *self.counts();
+        let errors = [unacknowledged, disturbed, bus_off, queue_full, down];
+        self.condition() != Condition::Active || errors.iter().any(|count| *count > 0)
+    }
+
     /// True for one without a wire, on which frames take no time.
     pub fn is_virtual(&self) -> bool {
         match self {

@@ -67,7 +67,8 @@ impl Source<'_> {
                 return Err(ConfigError::new("it has no drives")
                     .advise("name a drive table: `drives = \"FILE\"`, or write `bus` and `drive` here"));
             }
-            let mut table = Table { buses: self.buses.to_vec(), drives: self.drives.to_vec() };
+            let mut table =
+                Table { buses: self.buses.to_vec(), drives: self.drives.to_vec(), joint_places: Vec::new() };
             let read = |name: &str| std::fs::read_to_string(folder.join(name));
             table.complete(read).and_then(|()| table.check()).map_err(|error| refused(&error, None))?;
             return Ok(table);

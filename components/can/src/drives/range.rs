@@ -114,8 +114,8 @@ impl<const N: usize> Fields<N> {
             let (steps, span) = (largest(bits[i]) as f64, max - min);
             fields.largest[i] = steps;
             fields.per_unit[i] = steps / span;
-            // exactly half of the steps for a range that is symmetric
-            fields.to_end[i] = max * steps / span;
+            // half of the steps for a range that is symmetric, which the quotient misses by its rounding for one in seven of them
+            fields.to_end[i] = if max == -min { steps / 2.0 } else { max * steps / span };
             fields.nothing[i] = match () {
                 () if min > 0.0 => min,
                 () if max < 0.0 => max,

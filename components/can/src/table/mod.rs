@@ -10,6 +10,7 @@ use core::ops::Range as Span;
 use std::io;
 
 use serde::Deserialize;
+use toml::Spanned;
 
 use crate::bus::bits::Rates;
 use crate::bus::budget::{Budget, Shape};
@@ -55,14 +56,19 @@ pub struct Table {
     /// The drives.
     #[serde(rename = "drive")]
     pub drives: Vec<DriveEntry>,
+    /// Line and column of the name of each drive's joint, from 1; none if it was not read from a text.
+    #[serde(skip)]
+    pub(crate) joint_places: Vec<(usize, usize)>,
 }
 
 /// A drive table that cannot be.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{}{message}", .line.map_or_else(String::new, |line| format!("line {line}: ")))]
+#[error("{}{message}", place(*.line, *.column))]
 pub struct TableError {
     /// The line of the file, from 1, if one can be named.
     pub line: Option<usize>,
+    /// The column of that line, from 1, if one can be named.
+    pub column: Option<usize>,
     /// The entry at fault: `bus` or `drive`, and its index.
     pub entry: Option<(&'static str, usize)>,
     /// The value found, and the values expected.
@@ -108,15 +114,19 @@ impl Table {
     /// # Errors
     /// It is no such table, a value in it cannot be, or a file that it names cannot be read.
     pub fn parse_with(text: &str, read: impl Fn(&str) -> io::Result<String>) -> Result<Self, TableError> {
-        let line = |span: Option<Span<usize>>| {
-            span.map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count())
+        let refuse = |error: toml::de::Error| {
+            let place = error.span().map(|span| place_of(text, &span));
+            TableError {
+                line: place.map(|(line, _)| line),
+                column: place.map(|(_, column)| column),
+                entry: None,
+                message: error.message().to_string(),
+                advice: "the keys of a drive table stand in the page of `can.adapter`",
+            }
         };
-        let mut table: Self = toml::from_str(text).map_err(|error| TableError {
-            line: line(error.span()),
-            entry: None,
-            message: error.message().to_string(),
-            advice: "the keys of a drive table stand in the page of `can.adapter`",
-        })?;
+        let mut table: Self = toml::from_str(text).map_err(refuse)?;
+        let Joints { drives } = toml::from_str(text).map_err(refuse)?;
+        table.joint_places = drives.iter().map(|drive| place_of(text, &drive.joint.span())).collect();
         table.complete(read).and_then(|()| table.check()).map_err(|error| {
             let line = error.entry.and_then(|(entry, index)| nth_line(text, &format!("[[{entry}]]"), index));
             TableError { line, ..error }
@@ -132,6 +142,7 @@ impl Table {
         for (index, drive) in self.drives.iter_mut().enumerate() {
             data_sheet::complete(drive, &read).map_err(|(message, advice)| TableError {
                 line: None,
+                column: None,
                 entry: Some(("drive", index)),
                 message: format!("drive of `{}`: {message}", drive.joint),
                 advice,
@@ -145,7 +156,8 @@ impl Table {
     /// # Errors
     /// A value in it cannot be.
     pub fn check(&self) -> Result<(), TableError> {
-        let named = |(entry, message, advice)| TableError { line: None, entry, message, advice };
+        let named =
+            |(entry, message, advice)| TableError { line: None, column: None, entry, message, advice };
         check::check(self).map_err(named)
     }
 
@@ -309,20 +321,61 @@ impl Table {
     /// # Errors
     /// A joint has no drive, or a drive moves no such joint.
     pub fn of_joints(&self, joints: &[String]) -> Result<Vec<usize>, TableError> {
-        let refuse = |message, advice| TableError { line: None, entry: None, message, advice };
-        if let Some(stray) = self.drives.iter().find(|drive| !joints.contains(&drive.joint)) {
-            let message = format!("the robot has no joint `{}`; it has {}", stray.joint, joints.join(", "));
-            return Err(refuse(message, "name the joints as the robot's model does"));
+        if let Some(index) = self.drives.iter().position(|drive| !joints.contains(&drive.joint)) {
+            let place = self.joint_places.get(index);
+            return Err(TableError {
+                line: place.map(|(line, _)| *line),
+                column: place.map(|(_, column)| *column),
+                entry: Some(("drive", index)),
+                message: format!(
+                    "the robot has no joint `{}`; it has {}",
+                    self.drives[index].joint,
+                    joints.join(", ")
+                ),
+                advice: "name the joints as the robot's model does",
+            });
         }
         joints
             .iter()
             .map(|joint| {
                 let found = self.drives.iter().position(|drive| drive.joint == *joint);
-                found.ok_or_else(|| {
-                    refuse(format!("joint `{joint}` has no drive"), "add a `[[drive]]` for it")
+                found.ok_or_else(|| TableError {
+                    line: None,
+                    column: None,
+                    entry: None,
+                    message: format!("joint `{joint}` has no drive"),
+                    advice: "add a `[[drive]]` for it",
                 })
             })
             .collect()
+    }
+}
+
+/// The names of the joints of a table, with their places in its text.
+#[derive(Deserialize)]
+struct Joints {
+    #[serde(rename = "drive")]
+    drives: Vec<JointOf>,
+}
+
+#[derive(Deserialize)]
+struct JointOf {
+    joint: Spanned<String>,
+}
+
+/// Line and column of the beginning of a span, from 1.
+fn place_of(text: &str, span: &Span<usize>) -> (usize, usize) {
+    let before = text.get(..span.start).unwrap_or(text);
+    let line = before.rsplit('\n').next().unwrap_or_default();
+    (1 + before.matches('\n').count(), 1 + line.chars().count())
+}
+
+/// The place in words, before a message.
+fn place(line: Option<usize>, column: Option<usize>) -> String {
+    match (line, column) {
+        (Some(line), Some(column)) => format!("line {line}, column {column}: "),
+        (Some(line), None) => format!("line {line}: "),
+        (None, _) => String::new(),
     }
 }
 

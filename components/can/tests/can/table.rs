@@ -50,6 +50,14 @@ fn joints_and_drives_must_match_one_to_one() {
 }
 
 #[test]
+fn a_joint_that_the_robot_does_not_have_is_told_with_the_line_and_the_column_of_its_name() {
+    let text = format!("{BUS}{}{}", drive("a", 1, ""), drive("ä", 2, "").replace("joint =", "  joint  ="));
+    let error = Table::parse(&text).unwrap().of_joints(&["a".into()]).unwrap_err();
+    assert_eq!((error.line, error.column, error.entry), (Some(13), Some(12), Some(("drive", 1))));
+    assert_eq!(error.to_string(), "line 13, column 12: the robot has no joint `ä`; it has a");
+}
+
+#[test]
 fn the_budget_counts_as_many_joints_as_the_published_table() {
     for (rate, joints) in [(1000, 2), (500, 5), (250, 11), (100, 29)] {
         let drives: String = (1..=joints.min(15)).map(|node| drive(&format!("j{node}"), node, "")).collect();

@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use motorium::units::TimeSpan;
-use motorium_can::{Device, DeviceKind, Found, Interface, Rates, RealBus, scan};
+use motorium_can::{Device, DeviceKind, FdSearch, Found, Interface, Rates, RealBus, scan};
 use serde_json::{Value, json};
 
 use super::{refused, serial};
@@ -14,9 +14,12 @@ use crate::report::table;
 
 /// List the CAN interfaces of this computer, or the devices on one of them.
 ///
-/// Without an interface it lists those that there are. With one it reads the registers of Damiao drives 1 to 15 and, where the bus
-/// carries CAN FD, of moteus, which changes nothing, and listens for the heartbeats of ODrives and CANopen nodes. It never enables a
-/// drive.
+/// Without an interface it lists those that there are. With one it reads the registers of Damiao drives 1 to 15, which changes
+/// nothing, and listens for the heartbeats of ODrives and CANopen nodes. It never enables a drive.
+///
+/// With `--fd` it reads the registers of moteus 1 to 126 as well, by frames of CAN FD. A node that knows classic frames only disturbs
+/// those until the interface leaves the bus: use it only where every node knows CAN FD, and while no robot runs on the bus. None is
+/// sent if a classic frame or an error was received before, and no more after the first error.
 ///
 /// A path is a serial line. An adapter with slcan on it is found by the version that it tells, and the bus behind it is looked at
 /// with `--bitrate`. On any other line servos are looked for at several speeds, by asking each number whether it is there.
@@ -28,19 +31,21 @@ use crate::report::table;
 pub(super) struct Scan {
     /// The interface, such as `can0` or `/dev/ttyACM0`; lists those of the kernel if not given
     interface: Option<String>,
-    /// Bits per second of the bus behind an adapter with slcan
-    #[arg(long, default_value_t = 1_000_000)]
-    bitrate: u32,
-    /// Bits per second of the data of CAN FD frames behind such an adapter, or on a simulated bus; drives that speak CAN FD are looked
-    /// for then, as on interfaces of the kernel that carry it
-    #[arg(long, value_name = "BITS")]
+    /// Bits per second of the bus behind an adapter with slcan; 1000000 if not given
+    #[arg(long, value_name = "BITS", requires = "interface")]
+    bitrate: Option<u32>,
+    /// Bits per second of the data of CAN FD frames behind such an adapter
+    #[arg(long, value_name = "BITS", requires = "interface")]
     data_bitrate: Option<u32>,
-    /// Speeds at which servos are looked for, bit/s; all that are usual if not given
-    #[arg(long, value_delimiter = ',')]
+    /// Look for drives that speak CAN FD as well, on a bus whose nodes all do; behind an adapter with slcan with `--data-bitrate`
+    #[arg(long, requires = "interface")]
+    fd: bool,
+    /// Speeds at which servos are looked for on a serial line, bit/s; all that are usual if not given
+    #[arg(long, value_delimiter = ',', requires = "interface")]
     speed: Vec<u32>,
-    /// Duration of listening
-    #[arg(long = "for", value_name = "TIME", default_value = "1s", allow_hyphen_values = true)]
-    time: TimeSpan,
+    /// Duration of listening to a CAN bus; 1 s if not given
+    #[arg(long = "for", value_name = "TIME", requires = "interface", allow_hyphen_values = true)]
+    time: Option<TimeSpan>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -49,27 +54,66 @@ pub(super) struct Scan {
 impl Scan {
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
         let Some(name) = &self.interface else { return self.list() };
-        if name.starts_with('/') && !serial::is_adapter(name)? {
+        let is_line = name.starts_with('/');
+        if is_line && !serial::is_adapter(name)? {
+            self.refuse_idle(&["--bitrate", "--data-bitrate", "--fd", "--for"], "a line of servos")?;
             return serial::scan(name, &self.speed, self.json);
         }
-        let rates = Rates { nominal: self.bitrate, fast: self.data_bitrate.unwrap_or(self.bitrate) };
-        let (opened, is_fd) = if name.starts_with('/') || name.contains(':') {
-            let is_fd = self.data_bitrate.is_some();
-            (RealBus::open(name, &rates, is_fd), is_fd)
+        let opened = if is_line || name.starts_with("pty:") {
+            self.refuse_idle(&["--speed"], "an adapter with slcan")?;
+            anyhow::ensure!(
+                !self.fd || self.data_bitrate.is_some(),
+                "`--fd` behind an adapter with slcan needs the bitrate of the data: add `--data-bitrate 5000000`"
+            );
+            let nominal = self.bitrate.unwrap_or(1_000_000);
+            let rates = Rates { nominal, fast: self.data_bitrate.unwrap_or(nominal) };
+            RealBus::open(name, &rates, self.data_bitrate.is_some())
+        } else if name.contains(':') {
+            self.refuse_idle(&["--bitrate", "--data-bitrate", "--speed"], "a simulated bus")?;
+            let unused = Rates { nominal: 1_000_000, fast: 1_000_000 };
+            RealBus::open(name, &unused, self.fd)
         } else {
-            let is_fd = Interface::all()?.iter().any(|interface| interface.name == *name && interface.is_fd);
-            (RealBus::of_interface(name), is_fd)
+            self.refuse_idle(&["--bitrate", "--data-bitrate", "--speed"], "an interface of the kernel")?;
+            let carries_fd = |interface: &Interface| interface.name == *name && interface.is_fd;
+            anyhow::ensure!(
+                !self.fd || Interface::all()?.iter().any(carries_fd),
+                "`{name}` does not carry CAN FD: set it up so (`ip link set {name} type can ... dbitrate 5000000 fd on`), or leave `--fd` out"
+            );
+            RealBus::of_interface(name)
         };
         let mut bus = opened.map_err(refused)?;
-        let found = scan(&mut bus, is_fd, Duration::from(self.time), |_, time| std::thread::sleep(time));
+        let time = self.time.map_or(Duration::from_secs(1), Duration::from);
+        let has_errors = self.fd.then_some(&RealBus::has_errors as &dyn Fn(&RealBus) -> bool);
+        let found = scan(&mut bus, has_errors, time, |_, time| std::thread::sleep(time));
         if self.json {
             let condition = bus.condition().name();
-            let value = json!({ "interface": name, "condition": condition, "devices": devices(&found), "others": others(&found) });
+            let value = json!({
+                "interface": name,
+                "condition": condition,
+                "devices": devices(&found),
+                "others": others(&found),
+                "fd_search": fd_search(found.fd),
+            });
             outln!("{}", serde_json::to_string_pretty(&value)?);
         } else {
             out!("{}", describe(name, &bus, &found));
         }
         Ok(if found.devices.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
+    }
+
+    /// Refuses those of these options that were given, which do nothing on such a bus.
+    fn refuse_idle(&self, options: &[&str], bus: &str) -> anyhow::Result<()> {
+        let given = |option: &str| match option {
+            "--bitrate" => self.bitrate.is_some(),
+            "--data-bitrate" => self.data_bitrate.is_some(),
+            "--fd" => self.fd,
+            "--speed" => !self.speed.is_empty(),
+            _ => self.time.is_some(),
+        };
+        match options.iter().find(|option| given(option)) {
+            Some(option) => anyhow::bail!("`{option}` does nothing on {bus}: leave it out"),
+            None => Ok(()),
+        }
     }
 
     fn list(&self) -> anyhow::Result<ExitCode> {
@@ -146,6 +190,16 @@ fn devices(found: &Found) -> Vec<Value> {
     found.devices.iter().map(device).collect()
 }
 
+/// The outcome of the search for drives that speak CAN FD, and the number that it ended before; `null` if it was not wanted.
+fn fd_search(search: FdSearch) -> Value {
+    match search {
+        FdSearch::NotWanted => Value::Null,
+        FdSearch::Complete => json!({ "outcome": "complete", "asked": 126 }),
+        FdSearch::Classic => json!({ "outcome": "classic", "asked": 0 }),
+        FdSearch::Disturbed { asked } => json!({ "outcome": "disturbed", "asked": asked }),
+    }
+}
+
 fn others(found: &Found) -> Vec<Value> {
     found.others.iter().map(|(id, count)| json!({ "id": id.to_string(), "frames": count })).collect()
 }
@@ -168,6 +222,15 @@ fn describe(name: &str, bus: &RealBus, found: &Found) -> String {
         let ids: Vec<String> = found.others.iter().map(|(id, count)| format!("{id} ({count})")).collect();
         text += &format!("frames of others: {}\n", ids.join(", "));
     }
+    text += &match found.fd {
+        FdSearch::NotWanted | FdSearch::Complete => String::new(),
+        FdSearch::Classic => {
+            "drives that speak CAN FD were not looked for: a device here sends classic frames, and may know no others\n".into()
+        }
+        FdSearch::Disturbed { asked } => {
+            format!("drives that speak CAN FD were looked for no further than {asked} of 126: the bus reported an error\n")
+        }
+    };
     text
 }
 

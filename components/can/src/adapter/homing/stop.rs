@@ -13,13 +13,13 @@ const WINDOW_NS: u64 = 200_000_000;
 /// Windows in a row without motion after which it stands.
 const STILL_WINDOWS: u32 = 2;
 /// Share of the commanded velocity below which a joint does not move. One that is heavy gathers way faster than that.
-const STILL: f64 = 0.03;
+pub(crate) const STILL: f64 = 0.03;
 /// Multiple of the commanded velocity beyond which it runs away.
 pub(crate) const RUNAWAY: f64 = 5.0;
 /// Largest difference of the two places of a stop, as a share of the way between.
 const REPEATS_WITHIN: f64 = 0.4;
 /// Share of the effort with which it has to stay where it came to rest.
-const EASED: f64 = 0.5;
+pub(crate) const EASED: f64 = 0.5;
 /// Largest way by which it gives then, as a share of that at the commanded velocity in a window.
 const GIVES_WITHIN: f64 = 0.2;
 

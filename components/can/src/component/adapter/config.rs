@@ -177,7 +177,7 @@ pub(super) fn check_watchdogs(
     Ok(())
 }
 
-/// Refuses homings at a stop that cannot succeed, or meet it too hard, and warns of those that may not succeed.
+/// Refuses homings that fail at the stop, or may meet it too hard, and warns of those that may not succeed.
 pub(super) fn check_homing_loads(
     config: &CanAdapterConfig,
     equipped: &Equipped,
@@ -185,7 +185,7 @@ pub(super) fn check_homing_loads(
 ) -> Result<(), ConfigError> {
     for unfit in homing_load::unfit(equipped, config.gravity) {
         let message = format!("the homing of `{}`: {}", unfit.joint, unfit.message);
-        if unfit.is_certain {
+        if unfit.is_refused {
             return Err(ConfigError::key("drives", message).advise(unfit.advice));
         }
         declare.warn(message).at("drives").advise(unfit.advice);
