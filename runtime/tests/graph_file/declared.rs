@@ -182,6 +182,7 @@ impl Component for Faller {
     type Config = FallerConfig;
 
     fn declare(config: &FallerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.output::<Wrench>("out", "output");
         declare.output::<Wrench>(&format!("g{}", config.gravity[2].abs()), "its gravity");
         Ok(())
     }
@@ -208,7 +209,9 @@ fn a_kind_that_reads_gravity_gets_the_three_numbers_of_the_file_of_the_world() {
     let path = folder.path().join("graph.toml");
     let text = |world: &str, config: &str| {
         let component = |name: &str| {
-            format!("[component.{name}]\nkind = \"test.faller\"\nrate = \"1 kHz\"\nconfig = {{ {config} }}\n")
+            format!(
+                "[component.{name}]\nkind = \"test.faller\"\nrate = \"1 kHz\"\npublish = {{ out = \"{name}\" }}\nconfig = {{ {config} }}\n"
+            )
         };
         format!("name = \"fall\"\n{}{}[world]\n{world}\n", component("one"), component("two"))
     };
@@ -225,7 +228,7 @@ fn a_kind_that_reads_gravity_gets_the_three_numbers_of_the_file_of_the_world() {
     // A file that is not there is told once, at its place.
     let missing = check(&reading, text("file = \"mars.txt\"", "")).map(|_| ()).unwrap_err().render(false);
     assert_eq!(missing.matches("there is no such world").count(), 1, "{missing}");
-    assert!(missing.contains("graph.toml:11:"), "{missing}");
+    assert!(missing.contains("graph.toml:13:"), "{missing}");
     // A program without a reader keeps what its kinds have, and says so.
     let checked = check(&plain(), text(file, "")).unwrap_or_else(|error| panic!("{}", error.render(false)));
     assert_eq!(told(&checked), ["g9.5", "g9.5"]);
