@@ -10,20 +10,22 @@ use crate::meshes::{box_between, mesh};
 
 const DT: f64 = 1e-3;
 
-/// Two links side by side, 5 mm apart, which may turn.
+/// Two fingers 5 mm apart, one of which hangs on a knuckle without a shape: two of one parent would not be checked for collision.
 fn fingers() -> Model {
-    let finger = |name: &str, y: f64| {
+    let link = |name: &str, parent: &str, y: f64, shape: &str| {
         format!(
-            r#"<link name="{name}"><inertial><mass value="0.1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>
-  <collision><geometry><box size="0.05 0.02 0.1"/></geometry></collision></link>
-<joint name="{name}_joint" type="revolute"><parent link="palm"/><child link="{name}"/><origin xyz="0 {y} 5"/><axis xyz="0 1 0"/>
+            r#"<link name="{name}"><inertial><mass value="0.1"/>
+  <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>{shape}</link>
+<joint name="{name}_joint" type="revolute"><parent link="{parent}"/><child link="{name}"/><origin xyz="0 {y} 0"/><axis xyz="0 1 0"/>
   <limit lower="-1" upper="1" effort="10" velocity="5"/></joint>"#
         )
     };
+    let block = r#"<collision><geometry><box size="0.05 0.02 0.1"/></geometry></collision>"#;
     let text = format!(
-        "<robot name=\"fingers\"><link name=\"palm\"/>{}{}</robot>",
-        finger("left", -0.0125),
-        finger("right", 0.0125)
+        "<robot name=\"fingers\"><link name=\"palm\"/>{}{}{}</robot>",
+        link("left", "palm", 4.9875, block),
+        link("knuckle", "palm", 5.0, ""),
+        link("right", "knuckle", 0.0125, block)
     );
     parse_urdf(&text, None, MimicMode::Follow, &PackagePath::default()).unwrap().model
 }
@@ -38,7 +40,7 @@ fn objects_start_with_their_velocities_beside_a_robot_of_close_links_too_at_firs
             ..object("puck", ObjectShape::Sphere { radius: 0.05 }, Some(1.0), [0.0; 3])
         };
         let world = World { gravity: [0.0; 3], objects: vec![puck], ..World::default() };
-        let mut simulation = engine.simulate(fingers(), world, &[0.0; 2], Options::default());
+        let mut simulation = engine.simulate(fingers(), world, &[0.0; 3], Options::default());
         let close = |warning: &BuildWarning| matches!(warning, BuildWarning::SelfCollisionOff { .. });
         assert!(simulation.warnings().iter().any(close), "{engine:?}: the links are close");
         let id = simulation.object("puck").unwrap();
@@ -51,7 +53,7 @@ fn objects_start_with_their_velocities_beside_a_robot_of_close_links_too_at_firs
             (0..200).for_each(|_| _ = simulation.step(DT).unwrap());
             let way = simulation.object_pose(id).translation.vector;
             assert!((way - linear * 0.2).norm() < 1e-6, "{engine:?}, {start}: {way}");
-            simulation.reset(&[0.0; 2], &[0.0; 2]).unwrap();
+            simulation.reset(&[0.0; 3], &[0.0; 3]).unwrap();
         }
     }
 }
