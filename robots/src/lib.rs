@@ -114,6 +114,5 @@ pub use urdf::{
 };
 pub use world::{
     CompoundPart, Connection, ConnectionKind, Conveyor, Copies, Grain, Ground, MeshBody, MeshCollision,
-    MeshShape, Object, ObjectMass, ObjectShape, Softness, World, WorldError, WorldFileError,
-    deserialize_gravity,
+    MeshShape, Object, ObjectMass, ObjectShape, Softness, World, WorldError, WorldFileError, gravity_of_file,
 };

@@ -23,7 +23,7 @@ pub use connection::{Connection, ConnectionKind};
 pub use copies::Copies;
 pub use file::WorldFileError;
 pub(crate) use file::unique;
-pub use gravity::deserialize_gravity;
+pub use gravity::gravity_of_file;
 pub use mesh::{MeshBody, MeshCollision, MeshShape};
 pub use surface::{Grain, Softness};
 pub use things::{Conveyor, Ground, Object, ObjectMass, ObjectShape};

@@ -1,5 +1,7 @@
 //! The component kinds that this program hosts, and the robots it knows.
 
+use std::path::Path;
+
 use motorium::declare::{ConfigError, RobotReference};
 use motorium::worker::{Kind, Registry, RobotSource, Sibling};
 use motorium_robots::{LoadError, ModelWarning};
@@ -21,14 +23,22 @@ pub(crate) fn viewer() -> Sibling {
 
 /// The kinds that a graph may use.
 pub(crate) fn registry() -> Registry {
-    Registry::new(RobotSource { check: check_robot }, kinds()).with_siblings(SIBLINGS)
+    known(kinds()).with_siblings(SIBLINGS)
 }
 
 /// The kinds that a graph may use, and those that only the graphs of benchmarks and replays are made of.
 pub(crate) fn with_hidden() -> Registry {
     let hidden = [motorium_benches::relay::kind(), motorium_bridges::recording::replay_kind()];
     let kinds = kinds().into_iter().chain(hidden).chain(motorium_benches::gate::kinds());
-    Registry::new(RobotSource { check: check_robot }, kinds)
+    known(kinds)
+}
+
+/// A registry of kinds with the robots and the files of worlds that the command reads.
+fn known(kinds: impl IntoIterator<Item = Kind>) -> Registry {
+    let gravity = |path: &Path| {
+        motorium_robots::gravity_of_file(path).map_err(|error| ConfigError::new(error.to_string()))
+    };
+    Registry::new(RobotSource { check: check_robot }, kinds).with_gravity_of_file(gravity)
 }
 
 fn kinds() -> Vec<Kind> {

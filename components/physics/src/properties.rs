@@ -1,6 +1,7 @@
 //! Physical properties that may change from one reset to the next.
 
 use motorium_robots::{ActuatorSettings, Appearance, Model, Terrain, World};
+use nalgebra::Vector3;
 
 use crate::joint::JointProperties;
 use crate::{Engine, ResetError, Simulation};
@@ -113,6 +114,16 @@ impl<E: Engine> Simulation<E> {
         self.world = world;
         self.engine.set_actuators(&properties.actuators)?;
         Ok(())
+    }
+
+    /// Gives the objects the velocities of their start.
+    pub(crate) fn start_objects(&mut self) {
+        for (index, object) in self.world.objects.iter().enumerate() {
+            let (linear, angular) = (object.velocity.into(), object.angular_velocity.into());
+            if object.is_dynamic() && (linear, angular) != (Vector3::zeros(), Vector3::zeros()) {
+                self.engine.set_object_velocity(index, &linear, &angular);
+            }
+        }
     }
 
     fn check_properties(&self, properties: &Properties, level: &World) -> Result<(), ResetError> {

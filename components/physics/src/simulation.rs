@@ -81,7 +81,8 @@ pub trait Engine: Sized {
     /// Starts from the robot's current state, the objects at rest where the world has them.
     fn reset(&mut self, robot: &Robot, world: &World);
 
-    /// Excludes pairs of links that start too close from self-collision, and reports links that start inside something.
+    /// Excludes pairs of links that start too close from self-collision, and reports links that start inside something. Objects
+    /// may be at rest afterwards, whatever velocity they had.
     fn exclude_start_overlaps(&mut self, robot: &Robot, warnings: &mut Vec<BuildWarning>);
 
     /// Computes the robot's next state, `dt` \[s\] after the current one, and that of the objects.
@@ -213,6 +214,9 @@ impl<E: Engine> Simulation<E> {
         simulation.reset(q, &vec![0.0; nv])?;
         let Self { robot, engine, warnings, .. } = &mut simulation;
         engine.exclude_start_overlaps(robot, warnings);
+        // An engine may have built its scene anew, with all at rest.
+        simulation.start_objects();
+        let Self { robot, warnings, .. } = &mut simulation;
         for own in &robot.articulations {
             let q = own.model.joints_of_q(&q[own.q()]);
             BuildWarning::of_joints(&own.model, &robot.joints[own.joints()], q, warnings);
@@ -297,12 +301,7 @@ impl<E: Engine> Simulator for Simulation<E> {
     fn reset(&mut self, q: &[f64], v: &[f64]) -> Result<(), ResetError> {
         self.robot.reset(q, v)?;
         self.engine.reset(&self.robot, &self.world);
-        for (index, object) in self.world.objects.iter().enumerate() {
-            let (linear, angular) = (object.velocity.into(), object.angular_velocity.into());
-            if object.is_dynamic() && (linear, angular) != (Vector3::zeros(), Vector3::zeros()) {
-                self.engine.set_object_velocity(index, &linear, &angular);
-            }
-        }
+        self.start_objects();
         Ok(())
     }
 

@@ -55,7 +55,7 @@ pub struct ProMpPolicyConfig {
     #[serde(default)]
     pub repeat: Repeat,
     /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
-    #[serde(default = "earth", deserialize_with = "motorium_robots::deserialize_gravity")]
+    #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains, easing and feed-forward of joint commands.
     #[serde(default)]

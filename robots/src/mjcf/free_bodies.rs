@@ -38,7 +38,7 @@ impl Weight {
     ) -> Result<Self, MjcfError> {
         match (inertia, geometry) {
             (Ok(inertia), _) => Ok(Self::Mass(inertia.mass)),
-            // Meshes have one here, unlike those of robots.
+            // Solid meshes have one here, unlike those of robots.
             (Err(_), Geometry::Mesh { .. }) => match read.numbers::<1>("mass")? {
                 Some([mass]) => Ok(Self::Mass(mass)),
                 None => Ok(Self::Density(read.number("density", WATER)?)),

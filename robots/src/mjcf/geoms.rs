@@ -28,6 +28,8 @@ const LAST_SEEN: f64 = 2.0;
 /// Red, green, blue and opacity of a geom that states none. One that states just this has the colour of its material.
 const GREY: [f64; 4] = [0.5, 0.5, 0.5, 1.0];
 
+const SHELL: &str = "shells are not read; give the body an <inertial>";
+
 /// A mesh of `<asset>`.
 pub(super) struct MeshAsset {
     pub(super) uri: String,
@@ -35,6 +37,8 @@ pub(super) struct MeshAsset {
     /// A mesh that the file itself has.
     pub(super) inline: Option<Arc<TriangleMesh>>,
     pub(super) scale: Vector3<f64>,
+    /// The refusal of an `inertia` that is not that of the solid, for when it is needed.
+    pub(super) not_solid: Option<MjcfError>,
 }
 
 /// A `<geom>`.
@@ -169,8 +173,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
             return Ok(Ok(Inertia::zero()));
         }
         if shell {
-            let reason = "shells are not read; give the body an <inertial>";
-            return Ok(Err(geom.refused("shellinertia", reason)));
+            return Ok(Err(geom.refused("shellinertia", SHELL)));
         }
         Ok(match solid(geometry) {
             Some((volume, per_mass)) => {
@@ -186,10 +189,19 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
         })
     }
 
+    /// Refuses a geom whose inertia is not that of a solid.
+    pub(super) fn check_solid(&self, geom: &Element<'_, 'a, 'i>) -> Result<(), MjcfError> {
+        if geom.flag("shellinertia", false)? {
+            return Err(geom.refused("shellinertia", SHELL));
+        }
+        let asset = geom.get("mesh").and_then(|name| self.meshes.get(name));
+        asset.and_then(|asset| asset.not_solid.clone()).map_or(Ok(()), Err)
+    }
+
     fn mesh(&self, geom: &Element<'_, 'a, 'i>) -> Result<Geometry, MjcfError> {
         let name = geom.get("mesh").ok_or_else(|| geom.missing("mesh"))?;
         match self.meshes.get(name) {
-            Some(MeshAsset { uri, path, inline, scale }) => Ok(Geometry::Mesh {
+            Some(MeshAsset { uri, path, inline, scale, .. }) => Ok(Geometry::Mesh {
                 uri: uri.clone(),
                 path: path.clone(),
                 inline: inline.clone(),

@@ -77,31 +77,34 @@ fn heights(
                 if good { Ok(value as usize) } else { Err(number(asset, name, "a whole number from 2 up")) }
             };
             let [rows, columns] = [count("nrow")?, count("ncol")?];
-            let all = rows * columns;
+            let all = within_most(asset, [rows, columns])?;
             let heights = match asset.get("elevation") {
                 None => vec![0.0; all],
-                Some(text) if all <= MOST => asset
+                Some(text) => asset
                     .attributes
                     .parse(asset.node, "elevation", text, all..=all)
                     .map_err(|_| number(asset, "elevation", &format!("{all} numbers, nrow times ncol")))?,
-                Some(_) => Vec::new(),
             };
             // Written as on a map: the row of the greatest y comes first.
             ([rows, columns], heights.chunks(columns).rev().flatten().copied().collect())
         }
     };
-    if grid[0] * grid[1] > MOST {
-        return Err(asset.fault(format!(
-            "a height field of {} x {} heights, expected at most {MOST}; a `terrain` of the world holds more",
-            grid[0], grid[1]
-        )));
-    }
+    within_most(asset, grid)?;
     let (low, high) = heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), height| {
         (low.min(*height), high.max(*height))
     });
     let range = if high > low { high - low } else { 1.0 };
     heights.iter_mut().for_each(|height| *height = (*height - low) / range);
     Ok((grid, heights))
+}
+
+/// The number of heights of a grid, where a field holds as many.
+fn within_most(asset: &Element<'_, '_, '_>, [rows, columns]: [usize; 2]) -> Result<usize, MjcfError> {
+    rows.checked_mul(columns).filter(|all| *all <= MOST).ok_or_else(|| {
+        asset.fault(format!(
+            "a height field of {rows} x {columns} heights, expected at most {MOST}; a `terrain` of the world holds more"
+        ))
+    })
 }
 
 /// A PNG file, its top row that of the greatest y, or a binary file: two `i32`, rows and columns, and `f32` heights from the least y up.

@@ -145,8 +145,9 @@ pub(super) const MESH: Schema = Schema {
     groups: &[
         (Use::Read, &["name", "class", "file", "scale", "vertex", "face"]),
         (Use::NoEffect, &["normal", "texcoord"]),
-        // The inertia of a mesh is refused where it is needed.
-        (Use::NoEffect, &["inertia", "smoothnormal", "maxhullvert", "content_type", "material"]),
+        // The inertia of a mesh is refused where a robot needs it, and where an object does and it is not that of the solid.
+        (Use::Read, &["inertia"]),
+        (Use::NoEffect, &["smoothnormal", "maxhullvert", "content_type", "material"]),
         (Use::Refused("move the mesh in its file, or the geom"), &["refpos", "refquat"]),
         (Use::Refused("write the mesh to a file"), &["builtin", "params"]),
     ],

@@ -65,6 +65,12 @@ pub(super) fn read_assets<'a, 'i>(
         }
         let asset = geoms.attributes.element(node, MAIN, &MESH)?;
         let scale = asset.numbers::<3>("scale")?.unwrap_or([1.0; 3]);
+        let not_solid = matches!(asset.get("inertia"), Some("shell" | "convex")).then(|| {
+            asset.refused(
+                "inertia",
+                "an object has the inertia of the solid of its mesh; leave it out, or write \"exact\"",
+            )
+        });
         if let Some(vertices) = asset.get("vertex") {
             let name = node.attribute("name").ok_or_else(|| asset.missing("name"))?;
             let inline = Arc::new(inline_mesh(&asset, vertices)?);
@@ -73,6 +79,7 @@ pub(super) fn read_assets<'a, 'i>(
                 path: None,
                 inline: Some(inline),
                 scale: Vector3::from(scale),
+                not_solid,
             };
             geoms.meshes.insert(name, mesh);
             continue;
@@ -86,7 +93,8 @@ pub(super) fn read_assets<'a, 'i>(
         }
         let path = folder.join(&geoms.compiler.mesh_folder).join(within);
         let path = path.is_file().then_some(path);
-        let mesh = MeshAsset { uri: uri.to_owned(), path, inline: None, scale: Vector3::from(scale) };
+        let mesh =
+            MeshAsset { uri: uri.to_owned(), path, inline: None, scale: Vector3::from(scale), not_solid };
         geoms.meshes.insert(node.attribute("name").unwrap_or(stem), mesh);
     }
     Ok(())

@@ -280,6 +280,9 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         }
         let pose = place.within * placement;
         if place.frees {
+            if inertia.is_err() {
+                self.geoms.check_solid(&read)?;
+            }
             let weight = Weight::of(&geometry, inertia, &read)?;
             let shape = shape(&geometry, &read)?;
             self.free.push(FreeGeom { node, pose, shape, weight, surface });

@@ -101,6 +101,48 @@ fn height_fields_compounds_and_held_bodies_that_cannot_be_read_are_refused_with_
 }
 
 #[test]
+fn a_height_field_of_more_heights_than_memory_is_refused_before_they_are_made() {
+    let attributes = r#"name="hills" nrow="250000" ncol="250000" size="1 1 1 0.1""#;
+    for rest in ["", r#" elevation="0 1""#] {
+        let text = format!(
+            "<mujoco><asset><hfield {attributes}{rest}/></asset>\
+             <worldbody><geom type=\"hfield\" hfield=\"hills\"/></worldbody></mujoco>"
+        );
+        let refused = parse_mjcf_world(&text, None).unwrap_err().to_string();
+        assert!(
+            refused.contains("1:16: ")
+                && refused.contains("250000 x 250000 heights, expected at most 250000"),
+            "{refused}"
+        );
+    }
+}
+
+#[test]
+fn meshes_of_objects_whose_inertia_is_not_that_of_the_solid_are_refused_where_a_mass_needs_it() {
+    let density = "<geom type=\"mesh\" mesh=\"wedge\" density=\"2000\"";
+    let vertex = "<mesh name=\"wedge\" vertex";
+    assert!(TEXT.contains(density) && TEXT.contains(vertex));
+    let of = |old: &str, new: &str| {
+        parse_mjcf_world(&TEXT.replacen(old, new, 1), None).map_err(|error| error.to_string())
+    };
+    let shell = of(density, &format!("{density} shellinertia=\"true\"")).unwrap_err();
+    assert!(shell.contains(": shellinertia=\"true\" of <geom"), "{shell}");
+    for inertia in ["shell", "convex"] {
+        let refused = of(vertex, &format!("<mesh name=\"wedge\" inertia=\"{inertia}\" vertex")).unwrap_err();
+        assert!(
+            refused.contains(&format!("6:5: inertia=\"{inertia}\" of <mesh name=\"wedge\">")),
+            "{refused}"
+        );
+    }
+    let same = of(vertex, "<mesh name=\"wedge\" inertia=\"exact\" vertex").unwrap().world;
+    assert_eq!(same, world());
+    // A mesh that weighs nothing needs no inertia.
+    let weightless = TEXT.replacen(density, "<geom type=\"mesh\" mesh=\"wedge\" mass=\"0\"", 1);
+    let weightless = weightless.replacen(vertex, "<mesh name=\"wedge\" inertia=\"shell\" vertex", 1);
+    assert!(parse_mjcf_world(&weightless, None).is_ok());
+}
+
+#[test]
 fn heights_of_pictures_and_of_binary_files_lie_as_on_a_map_and_in_their_order() {
     let folder = tempfile::tempdir().unwrap();
     // Two rows of three heights: the row of the least y first.

@@ -28,7 +28,7 @@ pub use protocol::{
     CLEANER, DESCRIBE, DescribeAnswer, DescribeError, DescribeRequest, GUARD, KINDS, KindAnswer, KindsAnswer,
     WORKER,
 };
-pub use registry::{ConfigProblem, Kind, Registry, RobotCheck, RobotSource, Sibling};
+pub use registry::{ConfigProblem, GravityOfFile, Kind, Registry, RobotCheck, RobotSource, Sibling};
 pub(crate) use rounds::Rounds;
 
 use std::os::fd::OwnedFd;

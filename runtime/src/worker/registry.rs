@@ -1,5 +1,7 @@
 //! Component types known by name.
 
+use std::path::Path;
+
 use super::hosted::{Host, Hosted};
 use super::{Failure, Make, Outcome, Worker};
 use crate::component::Component;
@@ -123,6 +125,9 @@ fn declaration(
 /// cannot be used, with advice, and names the key at fault where that is not `urdf`.
 pub type RobotCheck = fn(&RobotReference) -> Result<Vec<String>, ConfigError>;
 
+/// The gravity \[m/s^2\] of a file that a graph's `[world]` names. An error says why it cannot be read.
+pub type GravityOfFile = fn(&Path) -> Result<[f64; 3], ConfigError>;
+
 /// The robots that a program can load; the runtime itself has none.
 #[derive(Debug, Clone, Copy)]
 pub struct RobotSource {
@@ -149,6 +154,7 @@ pub struct Registry {
     kinds: Vec<Kind>,
     robots: RobotSource,
     siblings: &'static [Sibling],
+    gravity_of_file: Option<GravityOfFile>,
 }
 
 impl Registry {
@@ -162,13 +168,26 @@ impl Registry {
         for pair in kinds.windows(2) {
             assert!(pair[0].name != pair[1].name, "two component kinds are named `{}`", pair[0].name);
         }
-        Self { kinds, robots, siblings: &[] }
+        Self { kinds, robots, siblings: &[], gravity_of_file: None }
     }
 
     /// The same, with programs that host kinds which this one does not.
     #[must_use]
     pub fn with_siblings(self, siblings: &'static [Sibling]) -> Self {
         Self { siblings, ..self }
+    }
+
+    /// The same, with a reader of the gravity that the file of a graph's `[world]` states: `motorium_robots::gravity_of_file` reads MJCF,
+    /// URDF and SDF. Without one, kinds that read gravity keep their own default where `[world]` leaves it to its file, and a check
+    /// warns of it.
+    #[must_use]
+    pub fn with_gravity_of_file(self, reader: GravityOfFile) -> Self {
+        Self { gravity_of_file: Some(reader), ..self }
+    }
+
+    /// The reader of the gravity of files of worlds.
+    pub fn gravity_of_file(&self) -> Option<GravityOfFile> {
+        self.gravity_of_file
     }
 
     /// The program that would host a kind of this name, unless this one does.

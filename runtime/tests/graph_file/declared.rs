@@ -158,3 +158,81 @@ fn the_time_of_each_declaration_is_measured() {
     assert_eq!(declared.iter().map(|time| time.component.as_str()).collect::<Vec<_>>(), ["quick", "slow"]);
     assert!(declared[1].wall_ns >= 30_000_000 && declared[1].wall_ns > declared[0].wall_ns, "{declared:?}");
 }
+
+/// Gravity as it stands in the configuration.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct FallerConfig {
+    /// m/s2.
+    #[serde(default = "own")]
+    gravity: [f64; 3],
+}
+
+fn own() -> [f64; 3] {
+    [0.0, 0.0, -9.5]
+}
+
+/// Names a port after its gravity.
+struct Faller;
+
+impl Component for Faller {
+    const KIND: &'static str = "test.faller";
+    const SUMMARY: &'static str = "reckons with gravity";
+    const READS_GRAVITY: bool = true;
+    type Config = FallerConfig;
+
+    fn declare(config: &FallerConfig, declare: &mut Declare) -> Result<(), ConfigError> {
+        declare.output::<Wrench>("out", "output");
+        declare.output::<Wrench>(&format!("g{}", config.gravity[2].abs()), "its gravity");
+        Ok(())
+    }
+
+    fn configure(_: FallerConfig, _: &mut Setup) -> Result<Self, ConfigureError> {
+        Err(ConfigureError::failed("this kind is only there to be checked"))
+    }
+
+    fn step(&mut self, _: &Tick) -> Result<(), StepError> {
+        Err(StepError::failed("this kind is only there to be checked"))
+    }
+}
+
+/// Reads a file that holds one number.
+fn downwards(path: &Path) -> Result<[f64; 3], ConfigError> {
+    let text = std::fs::read_to_string(path).map_err(|_| ConfigError::new("there is no such world"))?;
+    Ok([0.0, 0.0, -text.trim().parse::<f64>().expect("a number")])
+}
+
+#[test]
+fn a_kind_that_reads_gravity_gets_the_three_numbers_of_the_file_of_the_world() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("moon.txt"), "1.62").expect("written");
+    let path = folder.path().join("graph.toml");
+    let text = |world: &str, config: &str| {
+        let component = |name: &str| {
+            format!(
+                "[component.{name}]\nkind = \"test.faller\"\nrate = \"1 kHz\"\npublish = {{ out = \"{name}\" }}\nconfig = {{ {config} }}\n"
+            )
+        };
+        format!("name = \"fall\"\n{}{}[world]\n{world}\n", component("one"), component("two"))
+    };
+    let plain = || Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, [Kind::of::<Faller>()]);
+    let check = |registry: &Registry, text: String| graph::check(&path, text, &[], registry, &machine());
+    let gravities = |registry: &Registry, text: String| {
+        told(&check(registry, text).unwrap_or_else(|error| panic!("{}", error.render(false))))
+    };
+    let reading = plain().with_gravity_of_file(downwards);
+    let file = "file = \"moon.txt\"";
+    assert_eq!(gravities(&reading, text(file, "")), ["g1.62", "g1.62"]);
+    assert_eq!(gravities(&reading, text(file, "gravity = [0.0, 0.0, -3.7]")), ["g3.7", "g3.7"]);
+    assert_eq!(gravities(&reading, text(&format!("{file}\ngravity = [0, 0, -5.0]"), "")), ["g5", "g5"]);
+    // A file that is not there is told once, at its place.
+    let missing = check(&reading, text("file = \"mars.txt\"", "")).map(|_| ()).unwrap_err().render(false);
+    assert_eq!(missing.matches("there is no such world").count(), 1, "{missing}");
+    assert!(missing.contains("graph.toml:13:"), "{missing}");
+    // A program without a reader keeps what its kinds have, and says so.
+    let checked = check(&plain(), text(file, "")).unwrap_or_else(|error| panic!("{}", error.render(false)));
+    assert_eq!(told(&checked), ["g9.5", "g9.5"]);
+    let warned =
+        |warning: &graph::Diagnostic| warning.report().message.contains("`one` does not know the gravity");
+    assert!(checked.warnings.iter().any(warned));
+}

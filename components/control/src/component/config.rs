@@ -45,7 +45,6 @@ pub struct QpControllerConfig {
     /// Feed-forward of the efforts that accelerate the robot as the setpoint does. Default false.
     pub inertia_compensation: bool,
     /// Gravity in the world frame, m/s^2. Default [0, 0, -9.81].
-    #[serde(deserialize_with = "motorium_robots::deserialize_gravity")]
     pub gravity: [f64; 3],
     /// Ground and objects that `limits.collision` is about, in a graph without a `[world]`.
     pub world: World,

@@ -90,7 +90,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
         }
         // Everything that could be refused later is refused now.
         let built = build::<E>(config, declare.robot(), declare.robots(), declare.folder())?;
-        randomise::declare(&config.randomise, &built, declare)?;
+        randomise::declare((&config.randomise, &config.connections), &built, declare)?;
         let Built { simulation, robots, doubts, .. } = built;
         for doubt in doubts {
             declare.warn(doubt);

@@ -84,7 +84,8 @@ impl FreeBody {
     /// Velocity after `h` \[s\] under gravity and in the air alone.
     fn fall(&mut self, gravity: &Vector3<f64>, air: &Air, h: f64) {
         self.linear = air.slowed((self.drag, self.mass), self.linear + gravity * h, h);
-        // One Newton step of the gyroscopic torque at the mean of both velocities, in the body's axes: stable at any spin, and of second order.
+        // One Newton step of the gyroscopic torque at the mean of both velocities, in the body's axes: of second order, for
+        // spins to some 1000 rad/s at 1 ms. About its middle axis a thin strip makes the slope singular at 2 / h = 2000 rad/s.
         let w = self.pose.rotation.inverse_transform_vector(&self.angular);
         let momentum = self.inertia.component_mul(&w);
         let error = w.cross(&momentum) * h;

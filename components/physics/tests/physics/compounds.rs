@@ -66,9 +66,15 @@ fn a_block_of_two_halves_slides_and_rests_as_one_block_on_every_engine() {
         assert!(one.xy().norm() > 0.5, "{engine:?}: {one}");
         let (way, expected) = (two.xy().norm(), one.xy().norm());
         assert!((way - expected).abs() < 0.02 * expected, "{engine:?}: {way} m, one block {expected} m");
+        let apart = one.xy().angle(&two.xy());
+        println!("{engine:?}: ways {apart:.4} rad apart, straying {:.4} m", (one - two).norm());
+        // Where contacts are springs, as in Rapier and MuJoCo, it strays by some hundredths of a radian.
+        let most = if engine == Engine::Articulated { 1e-3 } else { 0.08 };
+        assert!(apart < most, "{engine:?}: it slides {apart} rad beside the way of one block");
         // In MuJoCo, whose contacts are springs with regularised friction, it turns by 0.3 rad on its way.
         let turned = ends[1].rotation.angle();
-        assert!(engine == Engine::Mujoco || turned < 1e-2, "{engine:?}: it turns by {turned}");
+        let most = if engine == Engine::Mujoco { 0.4 } else { 1e-2 };
+        assert!(turned < most, "{engine:?}: it turns by {turned}");
     }
 }
 

@@ -11,7 +11,7 @@ use crate::panda;
 
 const DT: f64 = 1e-3;
 
-fn object(name: &str, shape: ObjectShape, mass: Option<f64>, position: [f64; 3]) -> Object {
+pub(crate) fn object(name: &str, shape: ObjectShape, mass: Option<f64>, position: [f64; 3]) -> Object {
     Object {
         name: name.to_owned(),
         shape,

@@ -43,6 +43,7 @@ mod sleeping;
 mod soft;
 mod springs;
 mod standing;
+mod starts;
 mod surfaces;
 mod terrain;
 mod truth;

@@ -206,3 +206,28 @@ actuator = { gain = [0.5, 1.5] }
     let refused = refused.unwrap_err().render(false);
     assert!(refused.contains("randomise.every") && refused.contains("rapier"), "{refused}");
 }
+
+#[test]
+fn a_start_of_an_object_that_a_connection_holds_is_not_drawn() {
+    let tied = |ranges: &str, by: &str| {
+        let drawn = format!("[component.physics.config.randomise]\nobjects = {{ cube = {ranges} }}");
+        let connections = "connections = [{ parts = [\"cube\", \"world\"] }]";
+        let text = match by {
+            "world" => {
+                let text = text("quadruped", &drawn, "");
+                let end = "] }\n[component.physics.config.randomise]";
+                assert!(text.contains(end));
+                text.replacen(end, &end.replacen("] }", &format!("], {connections} }}"), 1), 1)
+            }
+            _ => text("quadruped", &format!("{connections}\n{drawn}"), ""),
+        };
+        check(text).map(|_| ()).map_err(|error| error.render(false))
+    };
+    for by in ["world", "component"] {
+        for key in ["x", "y", "z", "yaw"] {
+            let refused = tied(&format!("{{ {key} = [-0.2, 0.2] }}"), by).unwrap_err();
+            assert!(refused.contains("ties `cube` to `world` where they stand"), "{by}, {key}: {refused}");
+        }
+        tied("{ mass = [0.5, 2.0], friction = [0.5, 1.0] }", by).unwrap();
+    }
+}

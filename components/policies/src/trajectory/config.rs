@@ -38,7 +38,7 @@ pub struct TrajectoryConfig {
     #[serde(default = "hundredth")]
     pub tolerance: f64,
     /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
-    #[serde(default = "earth", deserialize_with = "motorium_robots::deserialize_gravity")]
+    #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Gains of the joints and feed-forward of the commands.
     #[serde(default)]
@@ -63,7 +63,6 @@ pub struct HomeConfig {
     /// Largest distance of a measured joint from the pose with which it counts as reached, rad or m. Default 0.01.
     pub tolerance: f64,
     /// Gravity in the world frame, m/s^2. Default: that of the graph's world, 9.81 downwards without one.
-    #[serde(deserialize_with = "motorium_robots::deserialize_gravity")]
     pub gravity: [f64; 3],
     /// Gains of the joints and feed-forward of the commands.
     pub joint_command: JointDriveConfig,

@@ -46,7 +46,7 @@ pub struct ForceTorqueConfig {
     #[serde(default)]
     pub drop_out: f64,
     /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
-    #[serde(default = "earth", deserialize_with = "motorium_robots::deserialize_gravity")]
+    #[serde(default = "earth")]
     pub gravity: [f64; 3],
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     #[serde(default)]

@@ -40,7 +40,6 @@ pub struct ImuConfig {
     /// Share of the readings that are lost, 0 to 1. Default 0.
     pub drop_out: f64,
     /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
-    #[serde(deserialize_with = "motorium_robots::deserialize_gravity")]
     pub gravity: [f64; 3],
     /// Seed of the noise. Default: from the seed of the run and the name of the component.
     pub seed: Option<u64>,

@@ -288,7 +288,7 @@ fn timed<T>(wall_ns: &mut u64, call: impl FnOnce() -> T) -> T {
 fn config_value<'i>(
     draft: &Draft<'_, 'i>,
     graph: &GraphTable<'i>,
-    context: &Context<'_>,
+    context: &'i Context<'_>,
     report: &mut Report,
 ) -> Value<'i> {
     let mut value = match good(&draft.table.config) {

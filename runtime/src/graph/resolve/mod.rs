@@ -27,6 +27,7 @@ mod wiring;
 mod wording;
 mod world;
 
+use std::cell::OnceCell;
 use std::path::Path;
 
 use super::DeclareTime;
@@ -53,6 +54,8 @@ pub(super) struct Context<'c> {
     pub machine: &'c Machine,
     /// The other programs that host kinds, as far as they have been asked.
     siblings: Siblings,
+    /// Gravity of the file of the world, as TOML writes it, once it has been read; `None` where it cannot be.
+    gravity: OnceCell<Option<[String; 3]>>,
 }
 
 impl<'c> Context<'c> {
@@ -62,7 +65,7 @@ impl<'c> Context<'c> {
         registry: &'c Registry,
         machine: &'c Machine,
     ) -> Self {
-        Self { file, sources, registry, machine, siblings: Siblings::default() }
+        Self { file, sources, registry, machine, siblings: Siblings::default(), gravity: OnceCell::new() }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::DeValue;
 
 use super::siblings::Home;
 use super::{Context, Draft};
@@ -12,14 +12,14 @@ use crate::graph::model::GraphTable;
 use crate::graph::read::Value;
 use crate::graph::values::AnyTable;
 
-/// Puts the graph's world, or its gravity alone, into the configuration of a kind that reads it. Where the world leaves gravity to
-/// its file, so does the kind.
+/// Puts the graph's world, or its gravity alone, into the configuration of a kind that reads it. Gravity is three numbers, those of
+/// the file of the world where this states none.
 pub(super) fn insert<'i>(
     value: &mut Value<'i>,
     kind: &Home<'_>,
     draft: &Draft<'_, 'i>,
     graph: &GraphTable<'i>,
-    context: &Context<'_>,
+    context: &'i Context<'_>,
     report: &mut Report,
 ) {
     let (Some(at), DeValue::Table(table)) = (&graph.world, value.get_mut()) else { return };
@@ -33,10 +33,9 @@ pub(super) fn insert<'i>(
                 table.insert(key.clone(), gravity.clone());
             }
             (None, Some((key, file))) => {
-                let span = file.span();
-                let gravity = Spanned::new(key.span(), Cow::Borrowed("gravity"));
-                let of_file = of_file(key.clone(), file, context);
-                table.insert(gravity, Spanned::new(span, DeValue::Table(of_file)));
+                if let Some(gravity) = of_file((key, file), draft, context, report) {
+                    table.insert(Spanned::new(key.span(), Cow::Borrowed("gravity")), gravity);
+                }
             }
             (None, None) => {}
         }
@@ -57,14 +56,37 @@ pub(super) fn insert<'i>(
     }
 }
 
-/// `{ file = "/PATH" }`: the gravity of the file of a world, which the component reads.
-fn of_file<'i>(key: Spanned<Cow<'i, str>>, file: &Value<'i>, context: &Context<'_>) -> DeTable<'i> {
-    let mut file = file.clone();
-    let folder = context.sources.folder(&file.span());
-    if let DeValue::String(name) = file.get_mut() {
-        let path = folder.join(name.as_ref());
+/// The gravity of the file of the world, read once for all components.
+fn of_file<'i>(
+    (key, file): (&Spanned<Cow<'i, str>>, &Value<'i>),
+    draft: &Draft<'_, 'i>,
+    context: &'i Context<'_>,
+    report: &mut Report,
+) -> Option<Value<'i>> {
+    let DeValue::String(name) = file.get_ref() else { return None };
+    let Some(read) = context.registry.gravity_of_file() else {
+        report
+            .warning(format!("`{}` does not know the gravity of the file of `[world]`", draft.name))
+            .at(&key.span(), "this program cannot read it")
+            .advise("write `gravity = [0.0, 0.0, -9.81]` into `[world]`, or give the `Registry` a reader, `with_gravity_of_file`");
+        return None;
+    };
+    let numbers = context.gravity.get_or_init(|| {
+        let path = context.sources.folder(&file.span()).join(name.as_ref());
         let path = std::path::absolute(&path).unwrap_or(path);
-        *name = path.to_string_lossy().into_owned().into();
-    }
-    DeTable::from_iter([(key, file)])
+        match read(&path) {
+            Ok(gravity) => Some(gravity.map(|number| format!("{number:?}"))),
+            Err(error) => {
+                let found = report.error(error.message).at(&file.span(), "the file of the world");
+                error.advice.into_iter().for_each(|advice| _ = found.advise(advice));
+                None
+            }
+        }
+    });
+    let number = |text: &'i String| {
+        let number = DeValue::parse(text).ok()?.into_inner();
+        Some(Spanned::new(file.span(), number))
+    };
+    let numbers: Option<Vec<_>> = numbers.as_ref()?.iter().map(number).collect();
+    Some(Spanned::new(file.span(), DeValue::Array(numbers?.into_iter().collect())))
 }

@@ -103,7 +103,7 @@ pub struct CanAdapterConfig {
     pub command_within: Option<TimeSpan>,
     /// Acceleration of free fall in the world (m/s2), from which the safe states compute what holds the robot. Default: that of
     /// the graph's `[world]`, or 9.81 downwards.
-    #[serde(default = "gravity", deserialize_with = "motorium_robots::deserialize_gravity")]
+    #[serde(default = "gravity")]
     pub gravity: [f64; 3],
 }
 

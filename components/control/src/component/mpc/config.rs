@@ -45,7 +45,7 @@ pub struct MpcConfig {
     /// Largest normal force at a point of a foot, N, from 1e-3. Default: twice the robot's weight.
     pub max_force: Option<f64>,
     /// Acceleration of gravity along z of the world, m/s2, below 0. Default: that of `[world]`, -9.81 without one.
-    #[serde(default = "gravity", deserialize_with = "motorium_robots::deserialize_gravity")]
+    #[serde(default = "gravity")]
     pub gravity: [f64; 3],
     /// Age from which a state is not acted upon: nothing is planned then. Default 20 ms.
     pub state_timeout: TimeSpan,

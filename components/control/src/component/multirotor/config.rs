@@ -26,7 +26,6 @@ pub struct MultirotorConfig {
     /// Share of the thrust of all rotors that is used at most, so that torque is left, 0.1 to 1. Default 0.9.
     pub max_thrust_share: f64,
     /// Gravity in the world frame, m/s^2; it acts downwards. Default: that of the graph's world, 9.81 without one.
-    #[serde(deserialize_with = "motorium_robots::deserialize_gravity")]
     pub gravity: [f64; 3],
     /// Largest distance from the target with which a goal counts as reached, m. Default 0.01.
     pub position_tolerance: f64,

@@ -34,7 +34,6 @@ pub struct WheelsConfig {
     /// Compensation of the weight of joints that are held, such as those of an arm, by a feed-forward effort. Default true.
     pub gravity_compensation: bool,
     /// Acceleration of free fall in the world, m/s^2. Default: that of the graph's `[world]`, or [0, 0, -9.81].
-    #[serde(deserialize_with = "motorium_robots::deserialize_gravity")]
     pub gravity: [f64; 3],
     /// Age from which a joint state is not acted upon: nothing is commanded then. Default 10 ms.
     pub state_timeout: TimeSpan,

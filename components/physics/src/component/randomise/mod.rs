@@ -19,12 +19,12 @@ pub use config::{
     ActuatorIntervals, Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals,
     SurfaceIntervals, TerrainIntervals,
 };
-use quantity::{Quantity, quantities};
+use quantity::{Quantity, check_ties, quantities};
 use varied::{Scene, Share, shares};
 
 use super::PhysicsEngine;
 use super::build::{Built, BuiltRobot};
-use crate::{Properties, ResetError, Simulation, Simulator};
+use crate::{Connection, Properties, ResetError, Simulation, Simulator};
 
 /// Episodes whose draws are in the report: the newest.
 const REPORTED: usize = 64;
@@ -63,16 +63,18 @@ struct Draw {
 /// The name of the port.
 const PORT: &str = "randomisation";
 
-/// Checks the ranges and declares the outputs: nothing where nothing is drawn.
+/// Checks the ranges and declares the outputs: nothing where nothing is drawn. `connections` are those besides the world's.
 pub(super) fn declare<E: PhysicsEngine>(
-    config: &RandomiseConfig,
+    (config, connections): (&RandomiseConfig, &[Connection]),
     built: &Built<E>,
     declare: &mut Declare,
 ) -> Result<(), ConfigError> {
     if config.is_empty() {
         return Ok(());
     }
-    quantities(config, &built.robots, &built.simulation.properties())?;
+    let nominal = built.simulation.properties();
+    quantities(config, &built.robots, &nominal)?;
+    check_ties(config, nominal.world.connections.iter().chain(connections))?;
     if config.every.is_some() && !E::CAPABILITIES.changes {
         let message = format!("the {} engine takes other properties at resets alone", E::NAME);
         return Err(ConfigError::key("randomise.every", message).advise("use `physics.articulated`"));

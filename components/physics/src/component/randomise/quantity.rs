@@ -2,7 +2,7 @@
 
 use motorium::declare::ConfigError;
 use motorium::state::{MAX_DRAWN, Randomisation as Message};
-use motorium_robots::ActuatorSettings;
+use motorium_robots::{ActuatorSettings, Connection};
 
 use super::super::build::BuiltRobot;
 use super::config::{Allowed, Interval, RandomiseConfig, TerrainIntervals};
@@ -151,6 +151,26 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
             (Message::OBJECT_YAW, "yaw", ranges.yaw, Allowed::Displacement),
         ] {
             list.add((property, index as u32), &["objects", name, own], (interval, allowed), None)?;
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a drawn start of an object that is connected: the connection is made once, where all stands without a draw.
+pub(super) fn check_ties<'c>(
+    config: &RandomiseConfig,
+    connections: impl Iterator<Item = &'c Connection>,
+) -> Result<(), ConfigError> {
+    for connection in connections {
+        let drawn = connection.parts.iter().find(|part| {
+            let ranges = config.objects.get(*part);
+            ranges.is_some_and(|own| [own.x, own.y, own.z, own.yaw].iter().any(Option::is_some))
+        });
+        if let Some(name) = drawn {
+            let [first, second] = &connection.parts;
+            let message = format!("a connection ties `{first}` to `{second}` where they stand at the start");
+            return Err(ConfigError::key(format!("randomise.objects.{name}"), message)
+                .advise("draw its mass, friction or restitution, and leave its start where it is"));
         }
     }
     Ok(())

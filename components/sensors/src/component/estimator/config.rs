@@ -38,7 +38,6 @@ pub struct BaseEstimatorConfig {
     /// Feet with a radius roll on level ground. False: they are points. Default true.
     pub rolling: bool,
     /// Acceleration of free fall (m/s^2). Default: that of the graph's `[world]`, else that of the earth.
-    #[serde(deserialize_with = "motorium_robots::deserialize_gravity")]
     pub gravity: [f64; 3],
 }
 
