@@ -28,6 +28,10 @@ pub use problem::Problem;
 pub use solution::{Accuracy, Solution};
 pub use structure::{Side, Sides, Structure};
 
+/// Share of its largest entry by which a Hessian may curve downwards and count as flat there: what rounding to single precision leaves
+/// of a semi-definite matrix of a hundred rows is less.
+const ROUNDING: f64 = 1e-6;
+
 /// A solver for one [`Structure`], reused tick after tick.
 ///
 /// `update` hands over the numbers, `solve` works on what was handed over last. A solver may start from the
