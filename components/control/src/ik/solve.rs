@@ -1,12 +1,12 @@
 //! The solution of a tick: the first level, those below it, and ticks whose constraints contradict each other.
 
 use super::{Below, DifferentialIk, IkConflict, IkError};
-use crate::solver::{Conflict, Constraint, Problem, QpSolver, Side, Solution, SolveError};
+use crate::solver::{Conflict, Constraint, QpSolver, Side, Solution, SolveError};
 
 /// Solutions of a tick in which only those give way that a contradiction names, before all do.
-const NAMED: u32 = 4;
-/// Share that what comes back takes of the speed that its joints can reach within the tick.
-const SLOWER: f64 = 0.9;
+const NAMED: u32 = 6;
+/// Cosine of the angle between rows that are nearly the same.
+const ALIKE: f64 = 0.9;
 
 impl<S: QpSolver> DifferentialIk<S> {
     /// Solves the posed problem and returns the joint velocity, exactly within its bounds.
@@ -66,13 +66,20 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Lets what a contradiction names stay beyond its limit; if nothing of it has to come back, lets the joints that it names brake at
+    /// Lets what a contradiction names stay beyond its limit, with the rows that are alike; if nothing of it has to come back, lets the joints that it names brake at
     /// once. False if it names neither.
     fn give_up_named(&mut self, conflict: &Conflict) -> bool {
         let mut stays = false;
         for constraint in conflict.constraints() {
-            if let Constraint::Row(row, _) = constraint {
-                stays |= self.give_up_return_of(row);
+            let Constraint::Row(row, _) = constraint else { continue };
+            if !self.give_up_return_of(row) {
+                continue;
+            }
+            stays = true;
+            for other in 0..self.next_row {
+                if self.is_alike(row, other) {
+                    self.give_up_return_of(other);
+                }
             }
         }
         if stays {
@@ -92,31 +99,20 @@ impl<S: QpSolver> DifferentialIk<S> {
         (0..self.next_row).fold(false, |stays, row| self.give_up_return_of(row) || stays)
     }
 
-    /// The same for one row. A soft limit gives way by itself. Where joints would have to speed up faster than they may to come back so
-    /// fast, first it comes back more slowly.
+    /// The same for one row. A soft limit gives way by itself.
     fn give_up_return_of(&mut self, row: usize) -> bool {
-        let [lower, upper] = [self.problem.row_lower[row], self.problem.row_upper[row]];
-        if self.is_soft[row] || lower <= 0.0 && upper >= 0.0 {
+        let (lower, upper) = (&mut self.problem.row_lower[row], &mut self.problem.row_upper[row]);
+        if self.is_soft[row] || *lower <= 0.0 && *upper >= 0.0 {
             return false;
         }
-        let (sign, wanted) = if lower > 0.0 { (1.0, lower) } else { (-1.0, -upper) };
-        let fastest = if self.is_narrowed { SLOWER * self.fastest(row, sign) } else { 0.0 };
-        let slower = if fastest > 0.0 && fastest < wanted { fastest } else { 0.0 };
-        match sign > 0.0 {
-            true => self.problem.row_lower[row] = slower,
-            false => self.problem.row_upper[row] = -slower,
-        }
+        (*lower, *upper) = (lower.min(0.0), upper.max(0.0));
         true
     }
 
-    /// The largest value of a row, times `sign`, within the bounds of the joints.
-    fn fastest(&self, row: usize, sign: f64) -> f64 {
-        let Problem { lower, upper, row_matrix, .. } = &self.problem;
-        let ends = |joint: usize| {
-            let entry = sign * row_matrix[(row, joint)];
-            if entry == 0.0 { 0.0 } else { (entry * lower[joint]).max(entry * upper[joint]) }
-        };
-        (0..self.motions).map(ends).sum()
+    /// True if two rows move by nearly the same motions, as those of one pair of solids do.
+    fn is_alike(&self, row: usize, other: usize) -> bool {
+        let (row, other) = (self.problem.row_matrix.row(row), self.problem.row_matrix.row(other));
+        row.dot(&other) >= ALIKE * row.norm() * other.norm()
     }
 
     /// Lets all joints brake as fast as they have to. False if they may already.

@@ -106,12 +106,7 @@ impl RowLimit for CollisionLimit {
         workspace.update(collisions, state.kinematics);
         nearest.clear();
         nearest.extend_from_slice(workspace.within(collisions, settings.range));
-        // what is no number is nearer than all else: nobody knows how near
-        let number = |pair: &Proximity| (!pair.distance.is_nan(), pair.distance);
-        nearest.sort_unstable_by(|a, b| {
-            let ((a, near), (b, other)) = (number(a), number(b));
-            a.cmp(&b).then(near.total_cmp(&other))
-        });
+        nearest.sort_unstable_by(|a, b| a.distance.total_cmp(&b.distance));
         let nearest = &nearest[..nearest.len().min(settings.pairs)];
         witnesses.clear();
         for pair in nearest {
