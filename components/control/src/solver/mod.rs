@@ -28,9 +28,8 @@ pub use problem::Problem;
 pub use solution::{Accuracy, Solution};
 pub use structure::{Side, Sides, Structure};
 
-/// Share of its largest entry by which a Hessian may curve downwards and count as flat there: what rounding to single precision leaves
-/// of a semi-definite matrix of a hundred rows is less.
-const ROUNDING: f64 = 1e-6;
+/// Share of its largest entry by which a Hessian may curve downwards and count as flat there, from rounding.
+const ROUNDING: f64 = 1e-9;
 
 /// A solver for one [`Structure`], reused tick after tick.
 ///

@@ -113,19 +113,6 @@ fn the_policy_of_the_graph_decides_and_the_result_says_which_task_and_which_join
 }
 
 #[test]
-fn after_a_safe_stop_the_efforts_begin_without_the_accelerations_before_it() {
-    let config = "{ on_infeasible = \"safe_stop\", inertia_compensation = true, limits = { velocity = { fraction = 0.03 } },\
-        tasks = [{ constraint = { task = { cartesian = { name = \"hand\", gain = 3.0 } } } }, { posture = {} }] }";
-    let targets = Targets { offsets: vec![[0.0, 0.05, 0.0], [0.0; 3]], ..Targets::default() };
-    let report = run(graph("{}", targets, controller(config)));
-    let plant = &report.results["plant"];
-    assert!(plant["starts"].as_u64().unwrap() >= 2, "it stops and goes on: {plant}");
-    assert!(report.results["controller"]["steps_without_solution"].as_u64().unwrap() > 100);
-    let surplus = number(&plant["surplus_at_start"]);
-    assert!(surplus < 1e-9, "{surplus} Nm beyond what holds the robot at its velocity");
-}
-
-#[test]
 fn the_policy_of_torques_stands_in_their_table() {
     let config = "{ on_infeasible = \"hold\", inverse_dynamics = {} }";
     let error = graph("{}", Targets::default(), controller(config)).check().expect_err("it must be refused");

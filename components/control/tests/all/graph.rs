@@ -26,10 +26,6 @@ struct Plant {
     broken_limits: u64,
     largest_lead: f64,
     commands: u64,
-    /// Number of commands after a time without, and the most that the effort of one of them is beyond that for its velocity, Nm or N.
-    starts: u64,
-    surplus: f64,
-    paused: bool,
     /// The last command.
     held: JointCommand,
 }
@@ -82,9 +78,6 @@ impl Component for Plant {
             broken_limits: 0,
             largest_lead: 0.0,
             commands: 0,
-            starts: 0,
-            surplus: 0.0,
-            paused: true,
             held: JointCommand::default(),
         })
     }
@@ -108,16 +101,6 @@ impl Component for Plant {
                 held = *command;
                 self.commands += 1;
             }
-            let pauses = command.age_ns() > 1_500_000;
-            if !pauses && std::mem::replace(&mut self.paused, pauses) {
-                let mut effort = vec![0.0; n];
-                let (q, v) = (self.q.as_slice(), command.velocity());
-                self.dynamics.rnea(&self.model, q, v, &vec![0.0; n], gravity, &mut effort);
-                let surplus = effort.iter().zip(command.effort()).map(|(bias, effort)| (effort - bias).abs());
-                self.surplus = surplus.fold(self.surplus, f64::max);
-                self.starts += 1;
-            }
-            self.paused = pauses;
             for joint in 0..n {
                 let lead = (command.position()[joint] - self.q[joint]).abs();
                 if command.age_ns() < 5_000_000 {
@@ -175,8 +158,6 @@ impl Component for Plant {
             "broken_limits": self.broken_limits,
             "largest_lead": self.largest_lead,
             "commands": self.commands,
-            "starts": self.starts,
-            "surplus_at_start": self.surplus,
         }))
     }
 }

@@ -335,6 +335,7 @@ fn a_task_that_contradicts_is_named_while_one_before_it_does_not_count() {
         .trigger("joints")
         .subscribe("joint_state", "joints")
         .subscribe("base_state", "base")
+        .subscribe("foot_target", "base_target")
         .subscribe("base_target", "base_target")
         .publish("joint_command", "command")
         .set("config", config(tasks));
