@@ -335,13 +335,14 @@ fn a_task_that_contradicts_is_named_while_one_before_it_does_not_count() {
         .trigger("joints")
         .subscribe("joint_state", "joints")
         .subscribe("base_state", "base")
-        .subscribe("foot_target", "base_target")
+        .subscribe("foot_target", "foot_target")
         .subscribe("base_target", "base_target")
         .publish("joint_command", "command")
         .set("config", config(tasks));
     let far =
         PoseTarget { position: [50.0, 0.0, 0.5], orientation: [0.0, 0.0, 0.0, 1.0], ..PoseTarget::default() };
     let report = standing([0.0; 3])
+        .with(Source::new("foot", "foot_target", move |_| Some(far)).rate("1 kHz"))
         .with(Source::new("body", "base_target", move |_| Some(far)).rate("1 kHz"))
         .with(controller)
         .run("200 ms")
