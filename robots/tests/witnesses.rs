@@ -21,7 +21,7 @@ fn witnesses(solids: &CollisionModel, kinematics: &Kinematics) -> (Proximity, Ve
     collisions.update(solids, kinematics);
     let nearest = collisions.distance(solids, 0);
     let mut found = Vec::new();
-    collisions.witnesses(solids, &nearest, &mut found);
+    collisions.witnesses(solids, &nearest, Collisions::MOST_WITNESSES, &mut found);
     (nearest, found)
 }
 

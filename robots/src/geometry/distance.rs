@@ -23,6 +23,9 @@ pub struct Proximity {
     pub points: [Point3<f64>; 2],
     /// From the first to the second, world axes: `distance == normal . (points[1] - points[0])`.
     pub normal: Unit<Vector3<f64>>,
+    /// True where the search for the nearest points failed: then `distance` is only a lower bound, that of the bounding spheres or no number,
+    /// and points and normal are those of the spheres.
+    pub is_bound: bool,
 }
 
 /// Workspace for the distances of one [`CollisionModel`]. Nothing allocates after [`new`](Self::new); pairs with a
@@ -212,6 +215,7 @@ impl Collisions {
             distance: (q - p).dot(normal) - radii,
             points: points.map(|point| Point3::from(Vector3::from(point))),
             normal: Unit::new_unchecked(normal.into()),
+            is_bound: false,
         })
     }
 
@@ -231,6 +235,7 @@ impl Collisions {
             distance,
             points: points.map(|point| Point3::from(Vector3::from(point))),
             normal: Unit::new_unchecked(normal.into()),
+            is_bound: false,
         }
     }
 
@@ -262,6 +267,7 @@ impl Collisions {
             distance: (q - p).dot(normal),
             points,
             normal: Unit::new_unchecked(normal.into()),
+            is_bound: false,
         })
     }
 
@@ -278,6 +284,7 @@ impl Collisions {
             distance: apart - first - second,
             points: points.map(|point| Point3::from(Vector3::from(point))),
             normal: Unit::new_unchecked(normal.into()),
+            is_bound: true,
         }
     }
 }

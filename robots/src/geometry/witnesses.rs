@@ -119,14 +119,15 @@ impl Collisions {
     /// Largest number of [witnesses](Self::witnesses) of a pair.
     pub const MOST_WITNESSES: usize = 12;
 
-    /// Appends the witnesses of a pair to `found`: pairs of opposite points, at most [`MOST_WITNESSES`](Self::MOST_WITNESSES), any of
-    /// which may be the nearest one after a small turn of a solid, besides `nearest` itself, which was measured at these poses. Each has the
+    /// Appends the witnesses of a pair to `found`: pairs of opposite points, at most `most` and
+    /// [`MOST_WITNESSES`](Self::MOST_WITNESSES), any of which may be the nearest one after a small turn of a solid, besides `nearest` itself, which was measured at these poses. Each has the
     /// normal of `nearest` and, as its distance, the gap along it, which is no smaller than that of `nearest`.
     ///
     /// Between a flat side and an edge or another side the nearest points jump from corner to corner as the solids turn, and the
     /// [slope](CollisionModel::distance_jacobian) of the ones says nothing of the others. The witnesses are the corners of the area in
     /// which the solids lie opposite one another: points that are farthest along the normal, or along one tilted by 0.05 rad. Spheres, and
-    /// [surfaces](super::MeshMode::Surface), have none.
+    /// [surfaces](super::MeshMode::Surface), have none, nor has a pair of which only a [bound](Proximity::is_bound) is known. Of more than
+    /// `most` those are kept that the area needs most.
     ///
     /// ```
     /// use motorium_robots::{CollisionModel, CollisionOptions, Collisions, Geometry, MeshMode, load};
@@ -140,16 +141,22 @@ impl Collisions {
     /// let mut distances = Collisions::new(&solids);
     /// let nearest = distances.distance(&solids, solids.pairs().len() - 1);
     /// let mut corners = Vec::new();
-    /// distances.witnesses(&solids, &nearest, &mut corners);
+    /// distances.witnesses(&solids, &nearest, Collisions::MOST_WITNESSES, &mut corners);
     /// assert_eq!(solids.pair_links(nearest.pair), ["table", "crate"]);
     /// assert!(corners.len() >= 3 && corners.iter().all(|corner| (corner.distance - 0.02).abs() < 1e-9));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn witnesses(&mut self, model: &CollisionModel, nearest: &Proximity, found: &mut Vec<Proximity>) {
+    pub fn witnesses(
+        &mut self,
+        model: &CollisionModel,
+        nearest: &Proximity,
+        most: usize,
+        found: &mut Vec<Proximity>,
+    ) {
         let pair = model.pairs[nearest.pair];
         let solids = pair.map(|solid| &model.solids[solid]);
         let smooth = |solid: &&Solid| solid.core == Core::Point || solid.is_surface();
-        if solids.iter().any(smooth) || !nearest.distance.is_finite() {
+        if solids.iter().any(smooth) || nearest.is_bound || most == 0 {
             return;
         }
         let Self { rotations, positions, room, .. } = self;
@@ -178,7 +185,7 @@ impl Collisions {
             [_, true] => overlap.extend(corners[0].iter().map(|seen| seen.place)),
             _ => intersect(corners, overlap, clipped),
         }
-        keep_corners(overlap);
+        keep_corners(overlap, most.min(Self::MOST_WITNESSES));
         for place in &*overlap {
             let ends = [0, 1].map(|side| views[side].at(*place, &corners[side]));
             found.push(Proximity {
@@ -186,6 +193,7 @@ impl Collisions {
                 distance: (ends[1] - ends[0]).dot(normal),
                 points: ends.map(|end| Point3::from(Vector3::from(end))),
                 normal: nearest.normal,
+                is_bound: false,
             });
         }
     }
@@ -236,7 +244,7 @@ fn intersect(
 }
 
 /// Leaves the corners that are places of their own, away from the nearest point; of more than are wanted, those that the area needs most.
-fn keep_corners(overlap: &mut Vec<Vector2<f64>>) {
+fn keep_corners(overlap: &mut Vec<Vector2<f64>>, most: usize) {
     let mut kept = 0;
     for index in 0..overlap.len() {
         let place = overlap[index];
@@ -247,7 +255,7 @@ fn keep_corners(overlap: &mut Vec<Vector2<f64>>) {
         }
     }
     overlap.truncate(kept);
-    while overlap.len() > Collisions::MOST_WITNESSES {
+    while overlap.len() > most {
         let count = overlap.len();
         let area = |index: usize| {
             let [before, here, after] = [index + count - 1, index, index + 1].map(|i| overlap[i % count]);

@@ -161,7 +161,10 @@ impl VelocityController {
         self.checkpoint.save(self.setpoint.position().iter().copied());
         match (solved, self.policy) {
             // where the drives go by themselves, the next setpoint begins there
-            (false, InfeasiblePolicy::SafeStop) => self.setpoint.reset(self.q.as_slice()),
+            (false, InfeasiblePolicy::SafeStop) => {
+                self.setpoint.reset(self.q.as_slice());
+                self.feed_forward.reset();
+            }
             _ => self.publish(dt)?,
         }
         self.publish_diagnostics(solved)
@@ -334,7 +337,7 @@ impl VelocityController {
                 Some(_) => ControlDiagnostics::RELAXED,
                 None => ControlDiagnostics::SOLVED,
             };
-            message.iterations = solution.iterations;
+            message.iterations = ik.iterations();
             for (residual, held) in message.residual_mut().iter_mut().zip(tasks) {
                 *residual = held.task.task().map_or(0.0, |task| task.residual(ik.velocity()));
             }

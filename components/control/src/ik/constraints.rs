@@ -95,6 +95,7 @@ impl<S: QpSolver> DifferentialIk<S> {
     ) {
         let (first, count) = (self.next_row, limit.rows());
         self.add_row_limit(state, limit, dt);
+        self.is_soft[first..first + count].fill(true);
         let slack = self.next_slack;
         self.next_slack += count;
         assert!(
@@ -132,7 +133,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     }
 
     /// Narrows the bounds by those of `limit` for a tick of `dt` seconds, after all limits of positions and velocities; `before` are the
-    /// velocities of the tick before. Where constraints contradict it, it is given up for the tick before any other is.
+    /// velocities of the tick before. Where constraints contradict it, it is given up for the tick before any other is: for joints that brake,
+    /// and where a contact or a task that holds exactly asks for it for joints that speed up, too.
     ///
     /// ```
     /// use motorium_control::{DifferentialIk, JointSetpoint, RobotState, tasks::{PostureSettings, PostureTask}};
@@ -175,7 +177,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         limit.narrow(state, before, dt, &mut self.problem);
     }
 
-    /// True if the last [`solve`](Self::solve) gave up the limit of accelerations.
+    /// True if the last [`solve`](Self::solve) let joints brake, or speed up, beyond the limit of accelerations.
     pub fn is_hurried(&self) -> bool {
         self.is_hurried
     }

@@ -92,6 +92,10 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     is_narrowed: bool,
     /// True if the last solution is beyond it.
     is_hurried: bool,
+    /// For each row whether its limit may give way.
+    is_soft: Vec<bool>,
+    /// Iterations of the solver that decided the first level of the last solution.
+    iterations: u32,
 }
 
 /// Numbers of rows that a [`DifferentialIk`] has room for besides the bounds of the joints.
@@ -186,6 +190,8 @@ impl<S: QpSolver> DifferentialIk<S> {
             unhurried: [DVector::zeros(variables), DVector::zeros(variables)],
             is_narrowed: false,
             is_hurried: false,
+            is_soft: vec![false; problem.row_lower.len()],
+            iterations: 0,
             settings,
             solver,
             velocity: vec![0.0; variables],
@@ -315,6 +321,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.problem.equality_value.fill(0.0);
         (self.next_row, self.next_equality, self.next_slack) = (0, 0, self.motions);
         self.is_narrowed = false;
+        self.is_soft.fill(false);
         if let Some(below) = &mut self.below {
             below.first.clear();
             below.levels.iter_mut().for_each(|level| level.begin());
@@ -348,7 +355,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         if let Some(relaxed) = &mut self.relaxed {
             relaxed.reset();
         }
-        self.conflict = None;
+        (self.conflict, self.is_hurried, self.iterations) = (None, false, 0);
         if let Some(below) = &mut self.below {
             below.solvers.iter_mut().for_each(LevelSolver::reset);
         }
@@ -358,6 +365,11 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// Joint velocity of the last [`solve`](Self::solve) \[rad/s or m/s\].
     pub fn velocity(&self) -> &[f64] {
         &self.velocity[..self.motions]
+    }
+
+    /// Iterations of the solver that decided the first level of the last [`solve`](Self::solve), relaxed or not; 0 without a solution.
+    pub fn iterations(&self) -> u32 {
+        self.iterations
     }
 
     /// The problem as posed.

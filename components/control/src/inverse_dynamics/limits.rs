@@ -165,11 +165,7 @@ impl InverseDynamics {
         self.constrained.clear();
         task.cost().write_rows(&mut self.constrained);
         let first = self.order.base + self.order.motions.len() + self.next_constrained;
-        self.next_constrained += task.rows();
-        assert!(
-            self.next_constrained <= self.order.constrained,
-            "constraints with more rows than there is room for"
-        );
+        self.skip_constraint(task.rows());
         for (row, (entries, desired)) in self.constrained.iter().enumerate() {
             self.problem.equality_value[first + row] = desired;
             for (column, entry) in entries.iter().enumerate() {
@@ -179,6 +175,19 @@ impl InverseDynamics {
                 below.first.push(0.0).copy_from_slice(entries);
             }
         }
+    }
+
+    /// Leaves so many rows of constraints free in this tick, those of a task that does not count: the rows of the tasks after it have the
+    /// same numbers in each tick.
+    ///
+    /// # Panics
+    /// If there is no room for them.
+    pub fn skip_constraint(&mut self, rows: usize) {
+        self.next_constrained += rows;
+        assert!(
+            self.next_constrained <= self.order.constrained,
+            "constraints with more rows than there is room for"
+        );
     }
 
     /// Calls `visit` with each point of the contacts that are active, in the world, as of the last [`begin`](Self::begin) at `state`.

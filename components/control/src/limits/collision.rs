@@ -42,7 +42,11 @@ impl Default for CollisionSettings {
 /// and does not flee from it faster than by `recovery`.
 ///
 /// Of a pair with flat sides or edges the slope of the nearest points says nothing of the corner that is the nearest one after the next
-/// step. The nearest pairs have a row for each of their [witnesses](Collisions::witnesses) besides, 32 in all.
+/// step. The nearest pairs have a row for each of their [witnesses](Collisions::witnesses) besides, 32 in all: two pairs all of them, a third
+/// at least eight.
+///
+/// Of a pair whose distance is not found, but only a [bound](Proximity::is_bound) of it, the solids do not approach each other beyond it, and do
+/// not part.
 ///
 /// ```
 /// use motorium_control::limits::{CollisionLimit, CollisionSettings, RowLimit};
@@ -106,21 +110,20 @@ impl RowLimit for CollisionLimit {
         let nearest = &nearest[..nearest.len().min(settings.pairs)];
         witnesses.clear();
         for pair in nearest {
-            if witnesses.len() + Collisions::MOST_WITNESSES > WITNESSES {
-                break;
-            }
-            workspace.witnesses(collisions, pair, witnesses);
+            workspace.witnesses(collisions, pair, WITNESSES - witnesses.len(), witnesses);
         }
         let rate = settings.rate.min(dt.recip());
         for points in nearest.iter().chain(&*witnesses) {
             collisions.distance_jacobian(state.model, state.kinematics, points, row);
             let left = points.distance - settings.distance;
+            // a bound, which may be far below the distance, is no reason to part
+            let left = if points.is_bound { left.max(0.0) } else { left };
             rows.push_barrier(row.iter().copied(), left, rate, settings.recovery);
         }
     }
 
     fn smallest_distance(&self) -> Option<f64> {
-        self.nearest.first().map(|pair| pair.distance)
+        self.nearest.iter().find(|pair| !pair.is_bound).map(|pair| pair.distance)
     }
 
     fn move_object(&mut self, object: usize, pose: &Isometry3<f64>) {

@@ -53,11 +53,13 @@ impl<'a> LimitRows<'a> {
     /// ```
     ///
     /// A step along the tangent of a curved way leaves it by its square, and the limit of the next step begins where it ended: without
-    /// the way back such steps add up. Where no velocity fulfils all limits, what is beyond its limit stays where it is.
+    /// the way back such steps add up. Where no velocity fulfils all limits, what is beyond its limit stays where it is. What is left that
+    /// is no number counts as 0.
     ///
     /// # Panics
     /// If the limit has no more rows.
     pub fn push_barrier(&mut self, row: impl IntoIterator<Item = f64>, left: f64, rate: f64, recovery: f64) {
+        let left = if left.is_nan() { 0.0 } else { left };
         self.write(row, (-rate * left).min(recovery), f64::INFINITY);
     }
 
@@ -72,6 +74,7 @@ impl<'a> LimitRows<'a> {
         rate: f64,
         recovery: f64,
     ) {
+        let left = if left.is_nan() { 0.0 } else { left };
         self.write(row, f64::NEG_INFINITY, (rate * left).max(-recovery));
     }
 

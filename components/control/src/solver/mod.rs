@@ -28,6 +28,9 @@ pub use problem::Problem;
 pub use solution::{Accuracy, Solution};
 pub use structure::{Side, Sides, Structure};
 
+/// Share of its largest entry by which a Hessian may curve downwards and count as flat there, from rounding.
+const ROUNDING: f64 = 1e-9;
+
 /// A solver for one [`Structure`], reused tick after tick.
 ///
 /// `update` hands over the numbers, `solve` works on what was handed over last. A solver may start from the

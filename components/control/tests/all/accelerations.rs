@@ -1,5 +1,7 @@
 //! Joints that accelerate and brake no faster than they can, by velocities.
 
+use motorium::prelude::*;
+use motorium::testing::Probe;
 use motorium_control::{
     DifferentialIk, JointSetpoint, RobotState,
     limits::{AccelerationLimit, CollisionLimit, CollisionSettings, PositionLimit, RowLimit, VelocityLimit},
@@ -89,50 +91,87 @@ fn a_joint_without_a_largest_acceleration_is_as_fast_as_before() {
     assert!(first[3] > 2.0 && (first[0] - 1e-3).abs() < 1e-9, "{first:?}");
 }
 
-#[test]
-fn where_a_distance_asks_for_more_it_is_kept_and_the_acceleration_is_given_up() {
-    let panda = Panda::new();
+/// The ground below the hand, and not below the links that it stands on: pairs of links whose names hold one of these words.
+fn ground_below(panda: &Panda, words: &[&str]) -> CollisionModel {
     let options = CollisionOptions { self_collision: false, ..CollisionOptions::default() };
     let mut solids = CollisionModel::new(&panda.model, &options).unwrap();
-    // below the hand, and not below the links that it stands on
     solids.add_half_space("ground", Isometry3::translation(0.0, 0.0, 0.3));
-    let pairs: Vec<bool> = (0..solids.pairs().len())
-        .map(|pair| {
-            solids.pair_links(pair).iter().any(|link| link.contains("hand") || link.contains("finger"))
-        })
-        .collect();
+    let counts =
+        |pair| solids.pair_links(pair).iter().any(|link| words.iter().any(|word| link.contains(word)));
+    let pairs: Vec<bool> = (0..solids.pairs().len()).map(counts).collect();
     let mut index = 0;
     solids.retain_pairs(|_| {
         index += 1;
         pairs[index - 1]
     });
-    let mut down = panda.home.clone();
-    down[1] += 1.0;
-    let limit = AccelerationLimit::new(&panda.model, DVector::repeat(8, 1.0), PositionLimit::default());
-    let mut kinematics = Kinematics::new(&panda.model);
-    let mut measure = motorium_robots::Collisions::new(&solids);
-    let (mut smallest, mut given_up, mut steps) = (f64::INFINITY, 0, 0);
-    move_to(&panda, &[down.as_slice().to_vec()], &limit, Some(&solids), |_, _, q, hurried| {
-        kinematics.update(&panda.model, q);
-        measure.update(&solids, &kinematics);
-        smallest = smallest.min(measure.nearest(&solids).unwrap().distance);
-        given_up += usize::from(hurried);
-        steps += 1;
-    });
-    assert!(smallest > 0.03 - 1e-4 && smallest < 0.04, "{smallest}");
-    assert!(given_up < steps / 2, "{given_up} of {steps}");
+    solids
+}
+
+#[test]
+fn where_a_distance_asks_for_more_it_is_kept_and_joints_brake_faster_and_none_speeds_up_faster() {
+    let panda = Panda::new();
+    let most = 1.0;
+    let limit = AccelerationLimit::new(&panda.model, DVector::repeat(8, most), PositionLimit::default());
+    for words in [&["hand", "finger"][..], &["hand"]] {
+        let solids = ground_below(&panda, words);
+        // down, turning about the axis of the hand and opening the gripper at full speed
+        let mut down = panda.home.clone();
+        down[1] += 1.0;
+        down[6] += 1.0;
+        down[7] = panda.model.upper()[7];
+        let mut kinematics = Kinematics::new(&panda.model);
+        let mut measure = motorium_robots::Collisions::new(&solids);
+        let (mut smallest, mut given_up, mut steps) = (f64::INFINITY, 0, 0);
+        let (mut speeding_up, mut apart) = (0.0_f64, 0.0_f64);
+        move_to(&panda, &[down.as_slice().to_vec()], &limit, Some(&solids), |before, v, q, hurried| {
+            kinematics.update(&panda.model, q);
+            measure.update(&solids, &kinematics);
+            smallest = smallest.min(measure.nearest(&solids).unwrap().distance);
+            given_up += usize::from(hurried);
+            steps += 1;
+            for (now, before) in v.iter().zip(before) {
+                speeding_up = speeding_up.max((now.abs() - before.abs()) / DT);
+            }
+            // the fingers have no part in the distances of the hand
+            apart = apart.max((v[7] - before[7]).abs() / DT);
+        });
+        assert!(smallest > 0.03 - 1e-4 && smallest < 0.04, "{smallest}");
+        assert!(given_up > 0 && given_up < steps / 2, "{given_up} of {steps}");
+        assert!(speeding_up <= most * (1.0 + 1e-3), "{speeding_up} of {most} rad/s2");
+        assert!(words.len() > 1 || apart <= most * (1.0 + 1e-3), "{apart} of {most} m/s2");
+    }
 }
 
 #[test]
 fn a_controller_takes_the_accelerations_of_the_profile_and_its_goals_are_reached() {
-    let with = |limits: &str| run(graph("{}", Targets::default(), controller(&format!("{{ {limits} }}"))));
-    let (free, limited) = (with(""), with("limits = { acceleration = {} }"));
-    assert_ne!(free.state_hash, with("limits = { acceleration = { most = 0.5 } }").state_hash);
-    let result = &limited.results["controller"];
-    assert_eq!(result["solver"]["steps_beyond_acceleration"], 0, "{result}");
-    assert!(number(&result["position_error_m"]) < 1e-4, "{result}");
-    let component = limited.components.iter().find(|component| component.name == "controller").unwrap();
-    assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
+    let with = |limits: &str| {
+        let probe = Probe::<JointCommand>::of("panda/joint_command").triggered();
+        let graph = graph("{}", Targets::default(), controller(&format!("{{ {limits} }}"))).with(&probe);
+        (run(graph), probe.values())
+    };
+    let panda = motorium_robots::load("panda", std::path::Path::new(".")).unwrap();
+    let profile = panda.profile.unwrap().acceleration_limit(&panda.model).unwrap();
+    // of the accelerations of the profile, the largest share that a joint uses
+    let used = |commands: &[JointCommand]| {
+        let changes = commands.windows(2).flat_map(|pair| {
+            let velocities = pair[0].velocity().iter().zip(pair[1].velocity());
+            velocities.zip(profile.iter()).map(|((before, now), most)| (now - before).abs() / DT / most)
+        });
+        changes.fold(0.0, f64::max)
+    };
+    let (_, free) = with("");
+    assert!(used(&free) > 0.2, "without a limit they are faster: {}", used(&free));
+    for fraction in [1.0, 0.1] {
+        let (report, commands) = with(&format!("limits = {{ acceleration = {{ fraction = {fraction} }} }}"));
+        let result = &report.results["controller"];
+        assert_eq!(result["solver"]["steps_beyond_acceleration"], 0, "{result}");
+        assert!(used(&commands) <= fraction * (1.0 + 1e-3), "{} of {fraction}", used(&commands));
+        assert!(fraction == 1.0 || used(&commands) > 0.99 * fraction, "{} of {fraction}", used(&commands));
+        // with a tenth of them the hand is late
+        assert!(fraction < 1.0 || number(&result["position_error_m"]) < 1e-4, "{result}");
+        let component = report.components.iter().find(|component| component.name == "controller").unwrap();
+        assert_eq!((component.allocations, component.allocations_apart), (Some(0), Some(0)));
+    }
 }
 
 #[test]

@@ -38,6 +38,20 @@ fn each_step_of_velocities_tells_residuals_and_active_limits_without_an_allocati
 }
 
 #[test]
+fn a_relaxed_step_tells_the_iterations_of_its_own_solution() {
+    // the hand is to rest, and all joints are to move: each step is relaxed, from the first on
+    let config = "{ on_infeasible = \"relax\", limits = { velocity = { fraction = 0.01 } }, tasks = [\
+        { constraint = { task = { cartesian = { gain = 0.0 } } } },\
+        { constraint = { task = { posture = { name = \"away\", gain = 5.0, weight = 1.0, positions = [0.6, -0.5, 0.3, -2.0, 0.2, 1.8, 0.5, 0.02] } } } },\
+        { posture = {} } ] }";
+    let (report, steps) = watched(config);
+    let solver = &report.results["controller"]["solver"];
+    assert_eq!(solver["steps_relaxed"].as_u64(), Some(steps.len() as u64), "{solver}");
+    assert!(steps.iter().all(|step| step.status == ControlDiagnostics::RELAXED));
+    assert!(steps[0].iterations > 0, "the joints are at their limits: {:?}", steps[0]);
+}
+
+#[test]
 fn each_step_of_torques_tells_what_its_result_sums_up_and_changes_nothing_of_the_commands() {
     let config = "{ inverse_dynamics = { torque_fraction = 0.4 }, tasks = [{ cartesian = {} }, { posture = { weight = 0.01 } }] }";
     let (report, steps) = watched(config);

@@ -323,3 +323,31 @@ fn a_task_while_a_contact_is_lifted_names_a_contact() {
     let words = ["tasks[0].cartesian.while_lifted", "no contact `left`", "front_left, front_right"];
     refused(controller(&format!("{{ inverse_dynamics = {{}}, {tasks} }}")), &words);
 }
+
+#[test]
+fn a_task_that_contradicts_is_named_while_one_before_it_does_not_count() {
+    let tasks = "{ inverse_dynamics = {}, tasks = [\
+        { constraint = { task = { cartesian = { name = \"swing\", frame = \"front_left_foot\", target = \"foot_target\", while_lifted = \"front_left\" } } } },\
+        { constraint = { task = { cartesian = { name = \"body\", frame = \"base\", target = \"base_target\", gain = 30.0 } } } },\
+        { posture = { weight = 0.01 } } ] }";
+    let controller = Instance::of::<QpController>("controller")
+        .robot("robot")
+        .trigger("joints")
+        .subscribe("joint_state", "joints")
+        .subscribe("base_state", "base")
+        .subscribe("foot_target", "foot_target")
+        .subscribe("base_target", "base_target")
+        .publish("joint_command", "command")
+        .set("config", config(tasks));
+    let far =
+        PoseTarget { position: [50.0, 0.0, 0.5], orientation: [0.0, 0.0, 0.0, 1.0], ..PoseTarget::default() };
+    let report = standing([0.0; 3])
+        .with(Source::new("foot", "foot_target", move |_| Some(far)).rate("1 kHz"))
+        .with(Source::new("body", "base_target", move |_| Some(far)).rate("1 kHz"))
+        .with(controller)
+        .run("200 ms")
+        .unwrap();
+    let solver = &report.results["controller"]["solver"];
+    let words = solver["first_conflict"].as_str().unwrap_or_else(|| panic!("{solver}"));
+    assert!(words.contains("task `body`, row ") && !words.contains("swing"), "{words}");
+}

@@ -25,7 +25,7 @@ const DISTANCE: f64 = 0.03;
 const MISSED: f64 = 1e-4;
 
 /// A plate, or another shape, that three slides and three hinges, or a floating base, move freely.
-fn flying(shape: &str, base: BaseMode) -> Model {
+pub(crate) fn flying(shape: &str, base: BaseMode) -> Model {
     let mut text = String::from("<robot name=\"flying\"><link name=\"base\"/>");
     let (mut parent, last) = ("base".to_owned(), 5);
     for index in 0..=last {

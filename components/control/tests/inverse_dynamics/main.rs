@@ -4,6 +4,7 @@ mod added_tasks;
 mod axes;
 mod barriers;
 mod closed_loop;
+mod collision_rows;
 mod constraints;
 mod distances;
 mod first_order;

@@ -72,10 +72,11 @@ impl TorqueController {
         self.control.begin(&state, dt);
         for held in &mut self.tasks {
             let (level, constraint) = (held.level, held.task.is_constraint());
+            let rows = if constraint { held.task.rows() } else { 0 };
             match held.counting(&self.control) {
                 Some(task) if constraint => self.control.constrain(&state, task),
                 Some(task) => self.control.add_task(&state, level, task),
-                None => {}
+                None => self.control.skip_constraint(rows),
             }
         }
         for limit in &mut self.limits.rows {

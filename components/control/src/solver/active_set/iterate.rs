@@ -7,12 +7,10 @@ use super::kernels::{Arithmetic, Fused, Separate, largest};
 use super::rounds::Next;
 use super::working_set::{Member, NO_RATE};
 use super::{ActiveSetSettings, Work};
-use crate::solver::{Accuracy, Problem, Solution, SolveError};
+use crate::solver::{Accuracy, Problem, ROUNDING, Solution, SolveError};
 
 /// Smallest share of a diagonal entry that is left of it in the factorisation of a positive definite Hessian.
 const SINGULAR: f64 = 1e-12;
-/// Share of the largest diagonal entry by which a Hessian may curve downwards, from rounding.
-const ROUNDING: f64 = 1e-9;
 /// Wrong signs of multipliers up to this share of the largest are rounding.
 const SIGN: f64 = 1e-13;
 /// Wrong signs up to this share of the largest number may be rounding where a constraint joins and leaves by turns.

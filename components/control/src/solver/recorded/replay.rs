@@ -6,8 +6,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::solver::{
-    ClarabelSettings, ClarabelSolver, Constraint, KktResidual, Problem, QpSolver, Side, Solution, SolveError,
-    Structure,
+    ClarabelSettings, ClarabelSolver, Constraint, KktResidual, Problem, QpSolver, ROUNDING, Side, Solution,
+    SolveError, Structure,
 };
 
 /// The outcome of one solve.
@@ -150,7 +150,7 @@ fn is_convex(problem: &Problem) -> bool {
     if largest == 0.0 || hessian.is_empty() {
         return true;
     }
-    (hessian / largest).symmetric_eigenvalues().min() >= -1e-9
+    (hessian / largest).symmetric_eigenvalues().min() >= -ROUNDING
 }
 
 fn status(error: &SolveError) -> Status {

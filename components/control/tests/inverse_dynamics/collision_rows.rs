@@ -1,0 +1,119 @@
+//! Rows of distances: which come back where others contradict each other, which have witnesses, and what counts as no distance.
+
+use motorium_control::{
+    DifferentialIk, IkRows, IkSettings, RobotState,
+    limits::{CartesianPositionLimit, CollisionLimit, CollisionSettings, RowLimit},
+};
+use motorium_robots::{
+    BaseMode, CollisionModel, CollisionOptions, Geometry, Kinematics, LoadOptions, MeshMode, Model,
+    parse_urdf_with,
+};
+use nalgebra::{Isometry3, Vector3};
+
+use crate::distances::flying;
+
+const DT: f64 = 1e-3;
+const PLATE: &str = "<box size=\"0.3 0.2 0.04\"/>";
+
+fn settings() -> CollisionSettings {
+    CollisionSettings { distance: 0.03, range: 0.3, ..CollisionSettings::default() }
+}
+
+/// Walls beside a plate at the origin, each by its middle and its sides.
+fn walls(model: &Model, walls: &[([f64; 3], [f64; 3])]) -> CollisionModel {
+    let mut solids = CollisionModel::new(model, &CollisionOptions::default()).unwrap();
+    for (middle, size) in walls {
+        let (at, wall) =
+            (Isometry3::from(Vector3::from(*middle)), Geometry::Box { size: Vector3::from(*size) });
+        solids.add_obstacle("wall", at, wall, MeshMode::default()).unwrap();
+    }
+    solids
+}
+
+/// 0.01 m below and above the plate, where 0.03 m are to be kept: neither lets the other's come back.
+const SQUEEZE: [([f64; 3], [f64; 3]); 2] =
+    [([0.0, 0.0, -0.08], [1.0, 1.0, 0.1]), ([0.0, 0.0, 0.08], [1.0, 1.0, 0.1])];
+
+#[test]
+fn a_pair_that_is_squeezed_does_not_keep_another_pair_or_a_soft_limit_from_coming_back() {
+    let model = flying(PLATE, BaseMode::Fixed);
+    let (q, mut kinematics) = (vec![0.0; 6], Kinematics::new(&model));
+    kinematics.update(&model, &q);
+    let state = RobotState { model: &model, kinematics: &kinematics, q: &q };
+    let beside = ([0.21, 0.0, 0.0], [0.1, 0.1, 0.005]);
+    let three = [SQUEEZE[0], SQUEEZE[1], beside];
+    let mut limit = CollisionLimit::new(&model, walls(&model, &three), settings());
+    let mut ik = DifferentialIk::with_rows(&model, limit.rows());
+    ik.begin();
+    ik.add_row_limit(&state, &mut limit, DT);
+    let v = ik.solve().unwrap();
+    assert!((v[0] + 0.01).abs() < 1e-6 && v[2].abs() < 1e-9, "{v:?}");
+
+    let infinite = Vector3::repeat(f64::INFINITY);
+    let frame = model.frame("l5").unwrap();
+    let lower = Vector3::new(0.05, f64::NEG_INFINITY, f64::NEG_INFINITY);
+    let mut soft = CartesianPositionLimit::within(&model, frame, lower, infinite);
+    let mut limit = CollisionLimit::new(&model, walls(&model, &SQUEEZE), settings());
+    let room = IkRows { limits: limit.rows(), soft: soft.rows(), held: 0 };
+    let mut ik = DifferentialIk::with_room(&model, room, IkSettings::default());
+    ik.begin();
+    ik.add_soft_limit(&state, 0, &mut soft, 10.0, DT);
+    ik.add_row_limit(&state, &mut limit, DT);
+    let v = ik.solve().unwrap();
+    assert!((v[0] - 0.01).abs() < 1e-6 && v[2].abs() < 1e-9, "{v:?}");
+}
+
+/// A body with three round feet in a row, 0.4 m apart.
+fn three_feet() -> Model {
+    let feet: String = [-0.4, 0.0, 0.4]
+        .map(|x| {
+            format!(
+                "<collision><origin xyz=\"{x} 0 0\"/><geometry><cylinder radius=\"0.05\" length=\"0.04\"/></geometry></collision>"
+            )
+        })
+        .concat();
+    let text = format!(
+        "<robot name=\"feet\"><link name=\"base\"/><link name=\"body\">{feet}</link>\
+         <joint name=\"j\" type=\"prismatic\"><parent link=\"base\"/><child link=\"body\"/><axis xyz=\"0 0 1\"/>\
+         <limit lower=\"-1\" upper=\"1\" velocity=\"1\" effort=\"1\"/></joint></robot>"
+    );
+    parse_urdf_with(&text, None, &LoadOptions::default()).unwrap().model
+}
+
+#[test]
+fn of_three_flat_pairs_that_are_equally_near_each_has_witnesses() {
+    let model = three_feet();
+    let mut solids = CollisionModel::new(&model, &CollisionOptions::default()).unwrap();
+    for x in [-0.4, 0.0, 0.4] {
+        // a square that cuts four corners of the octagon off: as many corners as a pair has witnesses
+        let at = Isometry3::translation(x, 0.0, -0.08);
+        let pillar = Geometry::Box { size: Vector3::new(0.095, 0.095, 0.04) };
+        solids.add_obstacle("pillar", at, pillar, MeshMode::default()).unwrap();
+    }
+    let (q, mut kinematics) = (vec![0.0], Kinematics::new(&model));
+    kinematics.update(&model, &q);
+    let mut limit = CollisionLimit::new(&model, solids, CollisionSettings { range: 0.1, ..settings() });
+    let mut ik = DifferentialIk::with_rows(&model, limit.rows());
+    ik.begin();
+    ik.add_row_limit(&RobotState { model: &model, kinematics: &kinematics, q: &q }, &mut limit, DT);
+    let written = ik.problem().row_lower.iter().filter(|lower| lower.is_finite()).count();
+    assert_eq!(written, 3 + 32, "three pairs, and all rows for witnesses");
+}
+
+#[test]
+fn an_object_whose_place_is_no_number_pushes_the_robot_nowhere_and_other_distances_count_as_before() {
+    let model = flying(PLATE, BaseMode::Fixed);
+    let (q, mut kinematics) = (vec![0.0; 6], Kinematics::new(&model));
+    kinematics.update(&model, &q);
+    let mut solids = walls(&model, &SQUEEZE[..1]);
+    let ball = Geometry::Sphere { radius: 0.1 };
+    let far = Isometry3::translation(0.0, 0.0, 0.2);
+    let ball = solids.add_obstacle("ball", far, ball, MeshMode::default()).unwrap();
+    let mut limit = CollisionLimit::new(&model, solids, settings()).objects([(0, ball)]);
+    limit.move_object(0, &Isometry3::translation(f64::NAN, 0.0, 0.2));
+    let mut ik = DifferentialIk::with_rows(&model, limit.rows());
+    ik.begin();
+    ik.add_row_limit(&RobotState { model: &model, kinematics: &kinematics, q: &q }, &mut limit, DT);
+    let v = ik.solve().unwrap();
+    assert!(v[..2].iter().all(|v| v.abs() < 1e-9) && (v[2] - 0.01).abs() < 1e-6, "{v:?}");
+}
