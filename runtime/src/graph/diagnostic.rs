@@ -16,6 +16,8 @@ pub(super) struct Label {
 
 /// Findings of one severity that are shown: who mends these sees the others next time.
 const SHOWN: usize = 20;
+/// The same of a file that cannot be parsed: in one of another kind every line is an error, and the first ones say so.
+const SHOWN_OF_SYNTAX: usize = 5;
 
 /// One mistake: what was found, where, and what to try.
 #[derive(Debug, Clone, PartialEq)]
@@ -140,11 +142,18 @@ impl Serialize for Diagnostic {
 pub(super) struct Report {
     sources: Arc<Sources>,
     diagnostics: Vec<Diagnostic>,
+    shown: usize,
 }
 
 impl Report {
     pub(super) fn new(sources: Arc<Sources>) -> Self {
-        Self { sources, diagnostics: Vec::new() }
+        Self { sources, diagnostics: Vec::new(), shown: SHOWN }
+    }
+
+    /// Adds an error of syntax.
+    pub(super) fn syntax_error(&mut self, message: impl Into<String>) -> &mut Diagnostic {
+        self.shown = SHOWN_OF_SYNTAX;
+        self.error(message)
     }
 
     /// Adds an error; the rest of it is added to what this returns.
@@ -185,8 +194,8 @@ impl Report {
         self.diagnostics.retain(|diagnostic| diagnostic.severity == severity);
         self.diagnostics.sort_by_key(|diagnostic| diagnostic.primary.as_ref().map(|label| label.span.start));
         self.diagnostics.dedup();
-        if let Some(others) = self.diagnostics.len().checked_sub(SHOWN).filter(|others| *others > 1) {
-            self.diagnostics.truncate(SHOWN);
+        if let Some(others) = self.diagnostics.len().checked_sub(self.shown).filter(|others| *others > 1) {
+            self.diagnostics.truncate(self.shown);
             let what = if severity == Severity::Error { "errors" } else { "warnings" };
             let last = self.add(severity, format!("and {} more {what}", grouped(others)));
             last.advise("mend the first ones; many of the others often go with them");

@@ -44,20 +44,16 @@ impl<'s> Texts<'s> {
     }
 }
 
-/// Most errors of syntax that are told of a file.
-const MOST_ERRORS: usize = 5;
-
 /// The tables of one file, with places in the shared range of offsets.
 fn parse_file<'s>(file: &'s Source, report: &mut Report) -> Option<DeTable<'s>> {
     let (table, errors) = DeTable::parse_recoverable(&file.text);
     let mut duplicates = 0;
-    // in a file of another kind every line is an error: the first ones say so
-    for error in errors.iter().take(MOST_ERRORS) {
+    for error in &errors {
         let local = error.span().unwrap_or(file.text.len()..file.text.len());
         let span = file.start + local.start..file.start + local.end;
         if error.message() != "duplicate key" {
             report
-                .error(format!("the file is not TOML: {}", error.message()))
+                .syntax_error(format!("the file is not TOML: {}", error.message()))
                 .at(&span, "")
                 .advise("graph files are TOML, see https://toml.io: `key = value`, text in quotes");
             continue;

@@ -123,15 +123,17 @@ impl ControllerSetup {
         })
     }
 
-    /// The levels that its tasks have, each once, the highest first.
+    /// The levels that its tasks have, each once, the highest first. Where all are constraints there is one: of all that satisfies
+    /// them its regularisation chooses the least.
     pub(super) fn levels(&self) -> impl Iterator<Item = u32> {
+        let bare = self.tasks.iter().all(|task| task.kind().1.is_constraint());
         let of = |level: u32| {
             move |task: &TaskConfig| {
                 let kind = task.kind().1;
                 !kind.is_constraint() && kind.head().level == level
             }
         };
-        (1..=LEVELS).filter(move |level| self.tasks.iter().any(of(*level)))
+        (1..=LEVELS).filter(move |level| (bare && *level == 1) || self.tasks.iter().any(of(*level)))
     }
 
     /// The regularisation of each of its levels, the highest first.

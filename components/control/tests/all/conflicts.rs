@@ -114,6 +114,15 @@ fn the_policy_of_the_graph_decides_and_the_result_says_which_task_and_which_join
 }
 
 #[test]
+fn a_constraint_without_another_task_leads_the_hand_by_the_smallest_velocities() {
+    let config = "{ tasks = [{ constraint = { task = { cartesian = { name = \"hand\", gain = 3.0 } } } }] }";
+    let report = run(graph("{}", Targets::default(), controller(config)));
+    let result = &report.results["controller"];
+    assert_eq!(result["steps_without_solution"], 0, "{result}");
+    assert!(number(&result["tasks"]["hand"]["last_position_error_m"]) < 1e-3, "{result}");
+}
+
+#[test]
 fn the_policy_of_torques_stands_in_their_table() {
     let config = "{ on_infeasible = \"hold\", inverse_dynamics = {} }";
     let error = graph("{}", Targets::default(), controller(config)).check().expect_err("it must be refused");

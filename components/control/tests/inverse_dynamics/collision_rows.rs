@@ -109,7 +109,8 @@ fn an_object_whose_place_is_no_number_pushes_the_robot_nowhere_and_other_distanc
     let ball = Geometry::Sphere { radius: 0.1 };
     let far = Isometry3::translation(0.0, 0.0, 0.2);
     let ball = solids.add_obstacle("ball", far, ball, MeshMode::default()).unwrap();
-    let mut limit = CollisionLimit::new(&model, solids, settings()).objects([(0, ball)]);
+    let mut limit =
+        CollisionLimit::new(&model, solids, settings()).objects([(0, ball, Isometry3::identity())]);
     limit.move_object(0, &Isometry3::translation(f64::NAN, 0.0, 0.2));
     let mut ik = DifferentialIk::with_rows(&model, limit.rows());
     ik.begin();
