@@ -96,7 +96,11 @@ impl<S: QpSolver> DifferentialIk<S> {
 
     /// Lets what is beyond a limit stay there. False if nothing has to come back.
     fn give_up_return(&mut self) -> bool {
-        (0..self.next_row).fold(false, |stays, row| self.give_up_return_of(row) || stays)
+        let mut stays = false;
+        for row in 0..self.next_row {
+            stays |= self.give_up_return_of(row);
+        }
+        stays
     }
 
     /// The same for one row. A soft limit gives way by itself.
