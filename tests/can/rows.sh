@@ -7,7 +7,7 @@ export TERM=dumb
 begin() {
     name=$1
     shift
-    rm -f desk report errors
+    rm -f report errors
     # The machine has one slow processor, on which the times that `check` assumes of a machine do not fit.
     motorium run "$graph" --no-expect --json --force --set component.physics.rate='"1 kHz"' \
         --set component.physics.schedule='"fifo"' --set component.drives.schedule='"fifo"' "$@" >report 2>errors &
@@ -29,25 +29,6 @@ finish() {
     cat errors
 }
 
-# jumped REPORT: whether physics woke up more than 5 ms late in a run. It has the highest priority of all, and waits for nobody: none
-# of what runs in the machine can hold it up, only the clock of the machine, which now and then leaps over a time in which nobody
-# computes.
-jumped() {
-    [ -e "$1" ] && awk '/"name": "physics"/ { seen = 1 }
-        seen && /"max":/ { gsub(/[^0-9]/, ""); late = $0; exit }
-        END { exit !(late > 5000000) }' "$1"
-}
-
-# steady FUNCTION ARGUMENTS: runs a row, and once more where the clock of the machine jumped meanwhile, five times at most.
-steady() {
-    for attempt in 1 2 3 4 5; do
-        "$@" >printed
-        jumped report || jumped desk || break
-        echo "$name: the clock of the machine jumped in attempt $attempt" >&2
-    done
-    cat printed
-}
-
 # row NAME FAULT [ARGUMENTS]: a run with a fault of the simulated drives.
 row() {
     name=$1 fault=$2
@@ -56,33 +37,36 @@ row() {
     finish
 }
 
-# Runs with something else that happens: to the drives, to the interface, to the processes.
-
-# A drive without power for a moment: what trips is released by one command, once the drive is back.
-resumed() {
+# Rows of the first of two machines: faults of the simulated drives and of the bus of the kernel, and ends of processes.
+socket_rows() {
+    row silent 'kind = "silent", joint = "panda_joint4"'
+    row late 'kind = "late", delay = "3 ms", joint = "panda_joint4"'
+    row duplicate 'kind = "duplicate", joint = "panda_joint4"'
+    row twin 'kind = "twin", joint = "panda_joint4"'
+    row wrong_length 'kind = "wrong_length", joint = "panda_joint4"'
+    row corrupt 'kind = "corrupt", joint = "panda_joint4"'
+    row off 'kind = "off", lasts = "50 ms", joint = "panda_joint4"'
+    # a drive without power for a moment: what trips is released by one command, once the drive is back
     begin resumed --for 1500ms --set 'component.drives.config.faults=[{ at = "300 ms", kind = "off", lasts = "50 ms", joint = "panda_joint4" }]'
     sleep 0.7
     motorium resume >resumed 2>&1
     finish
-}
+    row babbling 'kind = "babbling", lasts = "200 ms", bus = "can0"'
+    row passive 'kind = "disturbed", lasts = "200 ms", bus = "can0"'
+    row bus_off 'kind = "bus_off", lasts = "200 ms", bus = "can0"'
 
-unacknowledged() {
     begin unacknowledged --for 800ms
     sleep 0.3
     motorium can send vcan0 20000020#0000000000000000
     finish
-}
 
-down() {
     begin down --for 2s
     sleep 0.3
     ip link set vcan0 down
     sleep 0.3
     ip link set vcan0 up
     finish
-}
 
-gone() {
     begin gone --for 3s
     sleep 0.3
     ip link del vcan0
@@ -91,45 +75,29 @@ gone() {
     ip link set vcan0 mtu 72
     ip link set vcan0 up
     finish
-}
 
-missing_interface() {
     begin missing_interface --for 1s --set 'component.adapter.config.drives="drives/missing.toml"'
     finish
-}
 
-# killed NAME COMPONENT [ARGUMENTS]: a component that is killed, or stopped.
-killed() {
-    killed=$1 component=$2
-    shift 2
-    begin "$killed" --for 1s --set "component.$component.on_failure=\"ignore\""
+    begin adapter_killed --for 1s --set component.adapter.on_failure='"ignore"'
     sleep 0.3
-    motorium kill arm-can "$component" "$@"
+    motorium kill arm-can adapter
     finish
-}
 
-# Rows of the first of two machines: faults of the simulated drives and of the bus of the kernel, and ends of processes.
-socket_rows() {
-    steady row silent 'kind = "silent", joint = "panda_joint4"'
-    steady row late 'kind = "late", delay = "3 ms", joint = "panda_joint4"'
-    steady row duplicate 'kind = "duplicate", joint = "panda_joint4"'
-    steady row twin 'kind = "twin", joint = "panda_joint4"'
-    steady row wrong_length 'kind = "wrong_length", joint = "panda_joint4"'
-    steady row corrupt 'kind = "corrupt", joint = "panda_joint4"'
-    steady row off 'kind = "off", lasts = "50 ms", joint = "panda_joint4"'
-    steady resumed
-    steady row babbling 'kind = "babbling", lasts = "200 ms", bus = "can0"'
-    steady row passive 'kind = "disturbed", lasts = "200 ms", bus = "can0"'
-    steady row bus_off 'kind = "bus_off", lasts = "200 ms", bus = "can0"'
+    begin adapter_hung --for 1s --set component.adapter.on_failure='"ignore"'
+    sleep 0.3
+    motorium kill arm-can adapter --signal stop
+    finish
 
-    steady unacknowledged
-    steady down
-    steady gone
-    steady missing_interface
-    steady killed adapter_killed adapter
-    steady killed adapter_hung adapter --signal stop
-    steady killed controller_killed controller
-    steady killed controller_stopped controller --signal stop
+    begin controller_killed --for 1s --set component.controller.on_failure='"ignore"'
+    sleep 0.3
+    motorium kill arm-can controller
+    finish
+
+    begin controller_stopped --for 1s --set component.controller.on_failure='"ignore"'
+    sleep 0.3
+    motorium kill arm-can controller --signal stop
+    finish
 
     # The adapter killed, and hung, again and again: it is started anew each time, and leads the drives back.
     for fault in kill stop; do
@@ -137,8 +105,6 @@ socket_rows() {
         begin "adapter_${fault}_often" --for "$((20 * kills + 30))s" \
             --set component.adapter.restart="{ when = \"failure\", at_most = $((kills + 1)), window = \"1000 s\" }" \
             --set component.adapter.hang_after='"100 ms"'
-        # its drives are checked and enabled first
-        sleep 0.3
         for count in $(seq "$kills"); do
             motorium kill arm-can adapter --signal $fault >>killed 2>&1
             # the pause before a restart grows with each of them
@@ -216,28 +182,25 @@ detach() {
 # Rows of the second: the driver of the kernel for serial adapters, twelve joints, and what `check` says.
 serial_rows() {
     mend() { :; }
-    steady slcan slcan '' 2s
-    steady slcan slcan_alone '{ at = "2.5 s", lasts = "300 ms", kind = "alone", bus = "can0" }' 4s
-    steady slcan slcan_passive '{ at = "2.5 s", lasts = "18 ms", kind = "disturbed", bus = "can0" }' 3s
+    slcan slcan '' 2s
+    slcan slcan_alone '{ at = "2.5 s", lasts = "300 ms", kind = "alone", bus = "can0" }' 4s
+    slcan slcan_passive '{ at = "2.5 s", lasts = "18 ms", kind = "disturbed", bus = "can0" }' 3s
     mend() {
         sleep 3
         ip link set can0 down
         ip link set can0 up
     }
-    steady slcan slcan_bus_off '{ at = "2.5 s", lasts = "300 ms", kind = "bus_off", bus = "can0" }' 5s
+    slcan slcan_bus_off '{ at = "2.5 s", lasts = "300 ms", kind = "bus_off", bus = "can0" }' 5s
     mend() {
         sleep 3
         detach
         attach
     }
-    steady slcan slcan_unplugged '{ at = "2.5 s", lasts = "300 ms", kind = "down", bus = "can0" }' 6s
+    slcan slcan_unplugged '{ at = "2.5 s", lasts = "300 ms", kind = "down", bus = "can0" }' 6s
 
     graph=/graphs/two-buses.toml
-    twelve() {
-        begin twelve --for "$(cat /graphs/seconds)s"
-        finish
-    }
-    steady twelve
+    begin twelve --for "$(cat /graphs/seconds)s"
+    finish
 
     motorium can check /graphs/arm-can.toml --set component.adapter.rate='"1 kHz"' >report 2>errors
     echo "=== saturated $?"
