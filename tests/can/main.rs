@@ -72,20 +72,20 @@ fn run(rows: &str) -> Option<Machine> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let scratch = tempfile::tempdir().expect("a folder");
     let graphs = scratch.path().join("graphs");
-    let copied = Command::new("cp").args(["-r", "../graphs"]).arg(&graphs).current_dir(here).status();
-    assert!(copied.expect("cp starts").success());
+    let copied = Command::new("cp").arg("-r").arg(here.join("../graphs")).arg(&graphs).status();
+    assert!(copied.is_ok_and(|status| status.success()), "the graphs are copied");
     twelve::write(&graphs);
     adapters::write(&graphs);
     // a longer run of the twelve joints: `MOTORIUM_CAN_SECONDS=60 cargo only can`
-    let seconds = std::env::var("MOTORIUM_CAN_SECONDS").unwrap_or_else(|_| "5".to_string());
-    std::fs::write(graphs.join("seconds"), seconds).expect("a file");
-    // more deaths of the adapter: `MOTORIUM_CAN_KILLS=100 cargo only can often`
+    let seconds = std::env::var("MOTORIUM_CAN_SECONDS");
+    std::fs::write(graphs.join("seconds"), seconds.as_deref().unwrap_or("5")).expect("a file");
+    // `MOTORIUM_CAN_KILLS=100 cargo only can often`: more deaths of the adapter
     std::fs::write(graphs.join("kills"), often::kills().to_string()).expect("a file");
     std::fs::write(graphs.join("rows"), rows).expect("a file");
     let put = |from: &Path, to: &str| format!("{}:{to}", from.display());
     let output = Command::new("bash")
         .arg(here.join("can/vm.sh"))
-        .args(["--put", &put(Path::new(env!("CARGO_BIN_EXE_motorium-under-test")), "/bin/motorium")])
+        .args(["--put", &put(&twelve::program(rows), "/bin/motorium")])
         .args(["--put", &put(&graphs, "/graphs")])
         .arg(here.join("can/rows.sh"))
         .stdin(Stdio::null())
