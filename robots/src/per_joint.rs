@@ -75,7 +75,7 @@ impl Model {
     /// # Ok::<(), motorium_robots::LoadError>(())
     /// ```
     pub fn degrees_advice(&self, joint: usize, position: f64) -> Option<String> {
-        // What is less than two turns may be meant in rad.
+        // A position of less than two turns may be meant in rad.
         const LEAST: f64 = 2.0 * core::f64::consts::TAU;
         let turns = self.joint(joint).kind != JointKind::Prismatic;
         let (lower, upper, meant) = (self.lower()[joint], self.upper()[joint], position.to_radians());

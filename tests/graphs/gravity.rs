@@ -35,7 +35,7 @@ fn the_gravity_of_the_file_of_a_world_reaches_controllers_sensors_estimators_and
         let of_file = of("[world]\nfile = \"moon.xml\"\n");
         assert_eq!(of_file, of("[world]\ngravity = [0.0, 0.0, -1.62]\n"), "{sample}");
         assert_ne!(of_file, of(""), "{sample}");
-        // What the graph states wins.
+        // Gravity that the graph states is used in place of that of the file.
         assert_eq!(of("[world]\nfile = \"moon.xml\"\ngravity = [0.0, 0.0, -9.81]\n"), of(""), "{sample}");
     }
 }

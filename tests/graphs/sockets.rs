@@ -288,7 +288,7 @@ fn the_wait_is_one_system_call_and_a_datagram_two_more() {
         return eprintln!("skipped: this process may not trace another one");
     }
     let lines: Vec<&str> = calls.lines().collect();
-    // each datagram is received by a call of its own, and one more finds that there is none
+    // one call for each datagram, and one more that finds none
     assert!((15..=20).contains(&lines.iter().filter(|call| took(call)).count()), "{calls}");
     for waited in lines.split(|call| is(call, "ppoll")).skip(1).filter(|calls| !calls.is_empty()) {
         let received: Vec<_> = waited.iter().take_while(|call| is(call, "recvmsg")).collect();

@@ -93,7 +93,7 @@ impl Dynamics {
         }
         let (axes, centre) = self.compose(model, q);
         let sum = self.momentum_at_base(flat, v);
-        // What is missing, the angular part about the centre of mass: a turn about it, and a motion of it.
+        // The missing momentum, its angular part about the centre of mass. A motion of all as one rigid body adds it.
         let linear = axes.tr_mul(momentum.linear.into()) - sum.linear;
         let angular = axes.tr_mul(momentum.angular.into()) - (sum.angular - centre.cross(sum.linear));
         let total = &self.composite[0].inertia;

@@ -181,7 +181,7 @@ pub trait Component: Sized + 'static {
     const READS_WORLD: bool = false;
 
     /// The configuration has a key `gravity` \[m/s^2\], three numbers, whose default is the gravity of the graph's `[world]`: its
-    /// `gravity`, else that of its `file` ([`Registry::with_gravity_of_file`](crate::worker::Registry::with_gravity_of_file)).
+    /// `gravity`, else that of its `file`, if the program can read it (`Registry::with_gravity_of_file`).
     const READS_GRAVITY: bool = false;
 
     /// The `config` table of the component in the graph file. Use `#[serde(deny_unknown_fields)]`, so that a

@@ -51,7 +51,7 @@ impl Drop for Part {
     }
 }
 
-/// What a mutex guards, also after a panic of one that held it.
+/// Locks a mutex, also one that a panicking thread has held.
 pub(super) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -54,7 +54,7 @@ impl ConstraintRows {
         Self { held, limits }
     }
 
-    /// What contradicts each other in an inverse kinematics.
+    /// The names of the constraints of velocities that contradict each other, in the words of the configuration.
     pub(super) fn describe_velocities(&self, conflict: &IkConflict, model: &Model) -> String {
         let base = model.nv() - model.joint_count();
         let words = conflict.constraints().map(|constraint| match constraint {
@@ -71,7 +71,7 @@ impl ConstraintRows {
         words.collect::<Vec<_>>().join(", ")
     }
 
-    /// What contradicts each other in an inverse dynamics.
+    /// The names of the constraints of torques and forces that contradict each other, in the words of the configuration.
     pub(super) fn describe_torques(
         &self,
         conflict: &Conflicting,

@@ -225,7 +225,7 @@ impl Colliders {
                     matches!(object.shape, ObjectShape::Mesh(_) | ObjectShape::Compound(_))
                 });
                 let part = parted.map(|(of, object)| (of, object.pose().inv_mul(&model.placement(index))));
-                // What the object states in its axes, in those of a part.
+                // A direction given in the axes of the object, turned into those of its part.
                 let turned = |direction: Vector3<f64>| match parted {
                     Some((_, Object { shape: ObjectShape::Compound(_), .. })) => {
                         part.map_or(direction, |(_, frame)| frame.rotation.inverse() * direction)

@@ -89,7 +89,7 @@ pub(super) const VELOCITY: u32 = 0x02;
 pub(super) const TORQUE: u32 = 0x03;
 /// Celsius, where a thermistor is connected and switched on; else 0.
 pub(super) const MOTOR_TEMPERATURE: u32 = 0x0a;
-/// What the position is counted from.
+/// State of the reference of the position: the rotor since power-on, the joint, or a homed place.
 pub(super) const HOME: u32 = 0x0c;
 pub(super) const VOLTAGE: u32 = 0x0d;
 pub(super) const TEMPERATURE: u32 = 0x0e;

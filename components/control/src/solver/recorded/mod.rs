@@ -157,7 +157,7 @@ impl Numbers {
 /// The words that other writers put where JSON has no number.
 const NO_NUMBERS: [&str; 6] = ["NaN", "nan", "Infinity", "-Infinity", "inf", "-inf"];
 
-/// What is not a number, where `error` is about it.
+/// The error for a word such as `NaN` at the place of a syntax error; `None` if another text stands there.
 fn no_number(text: &str, error: &serde_json::Error) -> Option<RecordedError> {
     let (line, column) = (error.line(), error.column());
     let before = text.lines().nth(line.checked_sub(1)?)?;
