@@ -11,7 +11,11 @@ pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> O
     }
     let plain = |name: &str| name.to_lowercase().replace(['-', ' '], "_");
     let wanted = plain(written);
-    let allowed = (wanted.chars().count() / 3).max(1);
+    let count = wanted.chars().count();
+    // names that have no character in common are no slip, however short they are
+    let slight = |distance: usize, other: &str| {
+        distance <= (count / 3).max(1) && distance < count.max(other.chars().count())
+    };
     known
         .into_iter()
         .filter_map(|name| {
@@ -24,8 +28,12 @@ pub fn nearest<'a>(written: &str, known: impl IntoIterator<Item = &'a str>) -> O
             };
             // a slip in the last part, with the parts before it left out
             let last_part = candidate.rsplit(['/', '.']).next().unwrap_or_default();
-            let slip = !wanted.is_empty() && strsim::damerau_levenshtein(&wanted, last_part) <= allowed;
-            let near = distance <= allowed || slip || part(&candidate, &wanted) || part(&wanted, &candidate);
+            let slip =
+                !wanted.is_empty() && slight(strsim::damerau_levenshtein(&wanted, last_part), last_part);
+            let near = slight(distance, &candidate)
+                || slip
+                || part(&candidate, &wanted)
+                || part(&wanted, &candidate);
             near.then_some((distance, name))
         })
         .min()
@@ -62,6 +70,8 @@ mod tests {
         assert_eq!(nearest("joint_sate", known), Some("panda/joint_state"));
         assert_eq!(nearest("colour", known), None);
         assert_eq!(nearest("", known), None);
+        assert_eq!(nearest("t", ["c", "s"]), None);
+        assert_eq!(nearest("t", ["c", "tt"]), Some("tt"));
         assert_eq!(nearest(&"rate".repeat(1_000_000), known), None);
     }
 }

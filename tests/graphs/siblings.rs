@@ -56,6 +56,14 @@ impl Installed {
         Ended::of(&self.motorium(&[&["run", "graph.toml", "--json"], &ANY_LOSS[..], arguments].concat()))
     }
 
+    /// The digest of the layout of shared memory that programs of this version answer with.
+    fn memory(&self) -> String {
+        let answer =
+            Command::new(SIBLING).arg("motorium-kinds").output().expect("the program answers").stdout;
+        let answer: serde_json::Value = serde_json::from_slice(&answer).expect("JSON");
+        answer["memory"].as_str().expect("a digest").to_string()
+    }
+
     /// Complaint of `check`, without the folder.
     fn complaint(&self) -> String {
         let output = self.motorium(&["check", "graph.toml"]);
@@ -118,13 +126,32 @@ fn a_program_that_is_missing_is_named_with_what_to_install_and_the_place_of_its_
         text.contains("kind `bridge.push` is of the program `motorium-bridges`, which is not installed")
             && text.contains("graph.toml:4:8")
             && text.contains("`motorium-bridges` is neither in FOLDER nor on PATH")
-            && text.contains("install it: `cargo install motorium-bridges`"),
+            && text
+                .contains("motorium comes without one; `motorium::host!` makes a program `motorium-bridges`"),
         "{text}"
     );
     installed.graph("bridge.iceoryx", "");
     assert!(installed.complaint().contains("did you mean `bridge.iceoryx2`?"));
     installed.graph("nobody.push", "");
     assert!(installed.complaint().contains("unknown kind `nobody.push`"));
+    installed.graph("view.push", "");
+    let text = installed.complaint();
+    assert!(
+        text.contains("from a checkout of motorium: `cargo install --locked --path tools/view`"),
+        "{text}"
+    );
+    let version = env!("CARGO_PKG_VERSION");
+    let memory = installed.memory();
+    installed.script(
+        "motorium-view",
+        &format!("echo '{{\"motorium\":\"{version}\",\"memory\":\"{memory}\",\"kinds\":[]}}'"),
+    );
+    let text = installed.complaint();
+    assert!(
+        text.contains("FOLDER/motorium-view has no kinds for graphs")
+            && text.contains("name a built-in kind"),
+        "{text}"
+    );
 }
 
 #[test]
@@ -135,7 +162,7 @@ fn a_program_of_another_version_or_another_layout_of_shared_memory_is_refused() 
     assert!(
         text.contains("was built with motorium 0.0.7, this is motorium VERSION")
             && text.contains("graph.toml:4:8")
-            && text.contains("`cargo install motorium-bridges --version VERSION`"),
+            && text.contains("build it again with motorium VERSION"),
         "{text}"
     );
     let version = env!("CARGO_PKG_VERSION");

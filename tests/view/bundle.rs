@@ -19,7 +19,7 @@ fn copy(from: &Path, to: &Path) {
 
 #[test]
 fn the_picture_of_the_page_in_the_readme_and_the_book_is_one_of_the_page_as_it_is() {
-    let picture = "docs/images/view.png";
+    let picture = "docs/src/images/view.png";
     let file = std::fs::read(workspace().join(picture)).unwrap();
     let page = motorium_bridges::png::text(&file, "page");
     assert_eq!(

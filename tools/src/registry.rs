@@ -7,14 +7,14 @@ use motorium::worker::{Kind, Registry, RobotSource, Sibling};
 use motorium_robots::{LoadError, ModelWarning};
 
 /// The programs that host kinds which this one does not, because of what they depend on.
-const SIBLINGS: &[Sibling] = &[
-    VIEWER,
-    Sibling { family: "bridge", program: "motorium-bridges", install: "cargo install motorium-bridges" },
-];
+const SIBLINGS: &[Sibling] =
+    &[VIEWER, Sibling { family: "bridge", program: "motorium-bridges", install: None }];
 
 /// The program of `motorium view`.
-const VIEWER: Sibling =
-    Sibling { family: "view", program: "motorium-view", install: "cargo install motorium-view" };
+const VIEWER: Sibling = Sibling { family: "view", program: "motorium-view", install: Some(INSTALL_VIEWER) };
+
+/// The command that installs the program of `motorium view` from a checkout.
+pub(crate) const INSTALL_VIEWER: &str = "cargo install --locked --path tools/view";
 
 /// The program of `motorium view`.
 pub(crate) fn viewer() -> Sibling {

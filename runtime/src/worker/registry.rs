@@ -144,8 +144,8 @@ pub struct Sibling {
     pub family: &'static str,
     /// Name of the program.
     pub program: &'static str,
-    /// The command that installs it.
-    pub install: &'static str,
+    /// The command that installs it from a checkout of motorium; `None` for a program that does not come with it.
+    pub install: Option<&'static str>,
 }
 
 /// All component kinds a program can host, the robots it can load, and the programs that may host further kinds.

@@ -41,7 +41,7 @@ pub(crate) struct Run {
     /// The clock, `realtime` or `lockstep`: as the graph says if not given
     #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,
-    /// Hosting of the components: in `processes`, `threads`, or `inline`, in one thread; `--core N` is theirs in lockstep
+    /// Hosting of the components: in `processes`, `threads`, or `inline`, in one thread; `--core N` names their core in lockstep
     #[arg(long, value_enum, default_value_t, hide_possible_values = true, hide_default_value = true)]
     hosting: HostingChoice,
     /// The same as `--hosting threads`

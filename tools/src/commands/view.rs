@@ -76,9 +76,9 @@ fn program() -> anyhow::Result<PathBuf> {
     let sibling = registry::viewer();
     programs::locate(&sibling).with_context(|| {
         let name = sibling.program;
-        let install = sibling.install;
+        let install = registry::INSTALL_VIEWER;
         format!(
-            "`{name}` is neither beside motorium nor on PATH; install it: `{install}`, or build it: `cargo build --release -p {name}`"
+            "`{name}` is neither beside motorium nor on PATH; install it from a checkout of motorium: `{install}`"
         )
     })
 }
@@ -93,9 +93,9 @@ impl View {
         if let Err(problem) = programs::kinds(&program) {
             errln!("{}: {problem}", style::error("error"));
             anyhow::bail!(
-                "install the `{}` that goes with this motorium: `{}`",
+                "install the `{}` that goes with this motorium, from the same checkout: `{}`",
                 sibling.program,
-                sibling.install
+                registry::INSTALL_VIEWER
             );
         }
         let is_recording = self.graph.as_deref().is_some_and(is_recording);

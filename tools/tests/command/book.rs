@@ -215,6 +215,53 @@ fn every_key_of_a_graph_file_and_of_every_kind_is_in_the_book() {
 }
 
 #[test]
+fn the_table_of_kinds_says_of_each_what_the_command_says() {
+    let page = read("docs/src/kinds.md");
+    let kinds = json(&["kinds", "--json"]);
+    for line in kinds.as_array().expect("a list") {
+        let (kind, summary) = (line["kind"].as_str().expect("a name"), line["summary"].as_str());
+        let row = page.lines().find(|row| row.starts_with(&format!("| [`{kind}`]")));
+        let told = row.and_then(|row| row.split(" | ").nth(1));
+        assert_eq!(told, summary, "{kind}");
+    }
+}
+
+/// Keys that the tables of a page explain: names in backticks in the first column of tables that begin with `key`.
+fn tabled(text: &str) -> BTreeSet<String> {
+    let (mut keys, mut explains) = (BTreeSet::new(), false);
+    let mut before = "";
+    for line in text.lines() {
+        if line.starts_with('|') && !before.starts_with('|') {
+            explains = line.starts_with("| key ");
+        } else if explains && line.starts_with("| `") {
+            let cell = line.split(" | ").next().unwrap_or_default();
+            // of `kind = "twin"` the key, not its value
+            let names = cell.split('`').skip(1).step_by(2).filter_map(|words| words.split(" =").next());
+            keys.extend(names.flat_map(|name| name.split(['.', ' ', '[', ']'])).map(str::to_string));
+        }
+        before = line;
+    }
+    keys.into_iter().filter(|key| key.starts_with(|c: char| c.is_ascii_lowercase())).collect()
+}
+
+#[test]
+fn every_key_that_the_page_of_a_kind_explains_exists() {
+    let schema = json(&["schema", "graph"]);
+    let rules = schema.pointer("/definitions/WholeComponent/allOf").and_then(Json::as_array);
+    let mut explained = 0;
+    for rule in rules.expect("rules for kinds") {
+        let Some(kind) = rule.pointer("/if/properties/kind/const").and_then(Json::as_str) else { continue };
+        let mut known = BTreeSet::new();
+        keys(&rule["then"]["properties"]["config"], &schema, &mut known);
+        let told = tabled(&read(format!("docs/src/kinds/{}.md", kind.replace(['.', '_'], "-"))));
+        explained += told.len();
+        let unknown: Vec<&String> = told.difference(&known).collect();
+        assert!(unknown.is_empty(), "the page of {kind} explains keys that it does not have: {unknown:?}");
+    }
+    assert!(explained > 200, "{explained} keys");
+}
+
+#[test]
 fn every_field_of_the_report_is_in_the_book() {
     let schema = json(&["schema", "report"]);
     let mut wanted = BTreeSet::new();
@@ -245,7 +292,7 @@ fn assert_drawn(file: &str, arguments: &[&str]) {
 
 #[test]
 fn the_pictures_of_the_readme_and_of_the_catalogue_are_those_that_the_commands_draw() {
-    assert_drawn("docs/images/panda-reach.svg", &["graph", "graphs/panda-reach.toml", "--format", "svg"]);
+    assert_drawn("docs/src/images/panda-reach.svg", &["graph", "graphs/panda-reach.toml", "--format", "svg"]);
     let pictures = std::fs::read_dir(workspace().join("docs/src/robots")).expect("a folder").flatten();
     let names: Vec<String> = pictures
         .filter_map(|entry| Some(entry.file_name().to_str()?.strip_suffix(".svg")?.to_string()))
@@ -277,6 +324,7 @@ fn anchors(text: &str) -> BTreeSet<String> {
 fn every_link_leads_somewhere_and_every_page_is_in_the_summary() {
     let summary = read("docs/src/SUMMARY.md");
     let book = workspace().join("docs/src");
+    let within = book.canonicalize().expect("the book is there");
     for (path, text) in pages() {
         let folder = path.parent().expect("a page lies in a folder");
         if let Some(place) = path.strip_prefix(&book).ok().filter(|place| !place.ends_with("SUMMARY.md")) {
@@ -284,13 +332,18 @@ fn every_link_leads_somewhere_and_every_page_is_in_the_summary() {
         }
         let prose: String = text.split("```").step_by(2).collect();
         for link in prose.split("](").skip(1).filter_map(|rest| rest.split(')').next()) {
-            // A picture is drawn by the tool itself; other sites are not ours.
-            if link.starts_with("http") || link.ends_with(".svg") {
+            // other sites are not ours
+            if link.starts_with("http") {
                 continue;
             }
             let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
             let target = if file.is_empty() { path.clone() } else { folder.join(file) };
             assert!(target.exists(), "{}: `{link}` leads nowhere", path.display());
+            if path.starts_with(&book) {
+                // `mdbook` copies the files of this folder and no others
+                let found = target.canonicalize().expect("it exists");
+                assert!(found.starts_with(&within), "{}: `{link}` leads out of the book", path.display());
+            }
             if !anchor.is_empty() {
                 let known = anchors(&read(&target));
                 assert!(known.contains(anchor), "{}: no heading `{anchor}` in {known:?}", path.display());

@@ -79,6 +79,10 @@ fn a_kind_is_described_in_80_columns_with_units_ranges_defaults_and_an_example()
 fn a_kind_is_described_for_the_robot_that_is_named() {
     let sheet = json(&["kinds", "physics.articulated", "--robot", "quadruped", "--json"]);
     assert_eq!(sheet["robot"], "quadruped");
+    // the example names a link of the Panda
+    let sheet = json(&["kinds", "control.qp", "--robot", "ur5e", "--json"]);
+    assert!(sheet["refused"].is_null() && !sheet["ports"].as_array().expect("ports").is_empty(), "{sheet}");
+    assert!(!text(&sheet, "example").contains("panda"), "{sheet}");
     let refused = json(&["kinds", "physics.articulated", "--robot", "quadrupet", "--json"]);
     assert!(text(&refused, "refused").contains("did you mean \"quadruped\""), "{refused}");
 }
@@ -88,4 +92,5 @@ fn a_kind_that_does_not_exist_is_answered_with_the_nearest() {
     assert!(complaint(&["kinds", "control.pq"]).contains("did you mean `control.qp`?"));
     let missing = complaint(&["kinds", "--exec", "no/such/program"]);
     assert!(missing.contains("does not exist") && missing.contains("cargo build --release"), "{missing}");
+    assert!(!missing.contains("graph file"), "{missing}");
 }

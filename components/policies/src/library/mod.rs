@@ -214,7 +214,10 @@ impl Component for LibraryPolicy {
     fn stop(&mut self) {
         if let Some(file) = &self.picture {
             // the run is over; a picture that cannot be written is no reason to fail it, the result says so
-            self.picture = match std::fs::write(file, picture::svg(&self.panels())) {
+            let folder = std::path::Path::new(file).parent().unwrap_or(std::path::Path::new(""));
+            let written = std::fs::create_dir_all(folder)
+                .and_then(|()| std::fs::write(file, picture::svg(&self.panels())));
+            self.picture = match written {
                 Ok(()) => Some(file.clone()),
                 Err(error) => Some(format!("{file}: {error}")),
             };

@@ -83,15 +83,16 @@ impl ExecProblem {
         {
             diagnostic.note(format!("it said: {stderr}"));
         }
-        diagnostic.advise(self.advice());
+        diagnostic.advise(match self {
+            Self::Missing(_) => format!("{}; the path is relative to the graph file", self.advice()),
+            _ => self.advice(),
+        });
     }
 
     /// Advice, of a program of the user.
     pub fn advice(&self) -> String {
         match self {
-            Self::Missing(_) => {
-                "build it first: `cargo build --release`; the path is relative to the graph file"
-            }
+            Self::Missing(_) => "build it first: `cargo build --release`",
             Self::NotExecutable(path) if path.is_dir() => {
                 "this is a folder; name the program itself, such as `target/release/my-component`"
             }

@@ -142,17 +142,22 @@ impl Homeless {
                     .advise(advice);
             }
             Self::Missing { sibling, beside } => {
-                let (program, install) = (sibling.program, sibling.install);
+                let program = sibling.program;
                 let here = context.registry.kinds().iter().map(|kind| kind.name);
-                let diagnostic = report
-                    .error(format!("kind `{kind}` is of the program `{program}`, which is not installed"))
-                    .at(span, format!("`{program}` is neither in {} nor on PATH", beside.display()));
-                match nearest(kind, here) {
-                    Some(near) => {
-                        diagnostic.advise(format!("did you mean `{near}`? Or install it: `{install}`"))
-                    }
-                    None => diagnostic.advise(format!("install it: `{install}`")),
+                let get = match sibling.install {
+                    Some(install) => format!("install it from a checkout of motorium: `{install}`"),
+                    None => format!(
+                        "motorium comes without one; `motorium::host!` makes a program `{program}` of kinds of your own"
+                    ),
                 };
+                let advice = match nearest(kind, here) {
+                    Some(near) => format!("did you mean `{near}`? Else {get}"),
+                    None => get,
+                };
+                report
+                    .error(format!("kind `{kind}` is of the program `{program}`, which is not installed"))
+                    .at(span, format!("`{program}` is neither in {} nor on PATH", beside.display()))
+                    .advise(advice);
             }
             Self::Unusable { sibling, problem } => {
                 let version = exec::VERSION;
@@ -164,22 +169,29 @@ impl Homeless {
                 {
                     diagnostic.note(format!("it said: {stderr}"));
                 }
-                diagnostic.advise(format!(
-                    "install the one that goes with this motorium: `{} --version {version}`",
-                    sibling.install
-                ));
+                diagnostic.advise(match sibling.install {
+                    Some(install) => {
+                        format!("install the one of motorium {version} from its checkout: `{install}`")
+                    }
+                    None => format!("build it again with motorium {version}"),
+                });
             }
             Self::NotAmong { program } => {
                 let kinds = program.kinds.iter().map(|kind| kind.name.as_str());
                 let here = context.registry.kinds().iter().map(|kind| kind.name);
-                let advice = match nearest(kind, kinds.clone().chain(here)) {
+                let path = program.path.display();
+                let (note, instead) = match program.kinds.is_empty() {
+                    true => (format!("{path} has no kinds for graphs"), "name a built-in kind"),
+                    false => (format!("the kinds of {path} are {}", list(kinds.clone())), "use one of them"),
+                };
+                let advice = match nearest(kind, kinds.chain(here)) {
                     Some(near) => format!("did you mean `{near}`?"),
-                    None => "use one of them, or name a program of your own with `exec`".to_string(),
+                    None => format!("{instead}, or name a program of your own with `exec`"),
                 };
                 report
                     .error(format!("unknown kind `{kind}`"))
                     .at(span, "no such kind of component")
-                    .note(format!("the kinds of {} are {}", program.path.display(), list(kinds)))
+                    .note(note)
                     .advise(advice);
             }
         }

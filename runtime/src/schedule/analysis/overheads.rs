@@ -27,7 +27,7 @@ pub struct Overheads {
     /// its step and before it sleeps, ns; 20 us at most.
     pub look_ns: u64,
     /// Time of the core that the worker takes for every step besides the component's own, ns; 16 us: reading clocks,
-    /// copying the published state for observers, accounting.
+    /// accounting.
     pub worker_ns: u64,
 }
 

@@ -24,7 +24,7 @@ pub(crate) struct Draw {
     /// File to write; standard output if not given
     #[arg(long, short)]
     output: Option<PathBuf>,
-    /// Add measured values: of a running graph (its id or its name; the only one if not given), or of a report that
+    /// Add measured values: of a running graph (its id or its name; the newest if not given), or of a report that
     /// `motorium run --json` printed
     #[arg(long, value_name = "RUN|REPORT", num_args = 0..=1)]
     measured: Option<Option<String>>,

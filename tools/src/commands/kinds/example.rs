@@ -29,7 +29,12 @@ pub(super) fn config(schema: &Json, definitions: &Json) -> ExampleConfig {
     if let Some((text, value)) = parsed {
         return ExampleConfig { text: text.to_string(), value };
     }
-    let value = simplest(table, definitions, 0);
+    simplest_config(schema, definitions.0)
+}
+
+/// The keys that a configuration must have, each with the simplest value.
+pub(super) fn simplest_config(schema: &Json, definitions: &Json) -> ExampleConfig {
+    let value = simplest(schema, Definitions(definitions), 0);
     let text = toml::to_string(&value).unwrap_or_default();
     ExampleConfig { text, value }
 }

@@ -55,8 +55,16 @@ impl Sheet {
     /// Asks a kind, with this robot, or with one of the catalogue that it takes.
     pub(super) fn of(kind: &KindSource<'_>, robot: Option<&str>) -> Self {
         let (schema, definitions) = kind.schema();
-        let config = example::config(&schema, &definitions);
-        let (robot, declared) = declare(kind, &config, robot);
+        let mut config = example::config(&schema, &definitions);
+        let (name, mut declared) = declare(kind, &config, robot);
+        if robot.is_some() && declared.is_err() {
+            // the example may name links or joints of another robot
+            let simplest = example::simplest_config(&schema, &definitions);
+            if let (_, Ok(declaration)) = declare(kind, &simplest, robot) {
+                (config, declared) = (simplest, Ok(declaration));
+            }
+        }
+        let robot = name;
         let (declaration, refused) = match declared {
             Ok(declaration) => (declaration, None),
             Err(error) => (Declaration::default(), Some(error)),

@@ -75,7 +75,8 @@ impl Evaluate {
             outln!("{}", serde_json::to_string_pretty(&report)?);
             return Ok(ExitCode::SUCCESS);
         }
-        outln!("learned from {}, measured on {}, {} time(s)", sizes.0, sizes.1, splits.len());
+        let times = if splits.len() == 1 { "once".to_string() } else { format!("{} times", splits.len()) };
+        outln!("learned from {}, measured on {}, {times}", sizes.0, sizes.1);
         let mut table =
             crate::report::table(["basis", "n", "force", "position", "spread", "deviation", "worst"]);
         let mean = |values: &[f64]| mean_and_deviation(values).0;

@@ -80,6 +80,11 @@ impl Report {
     }
 }
 
+/// A number of things, such as `1 recording` and `2 recordings`.
+fn counted(number: usize, thing: &str) -> String {
+    format!("{number} {thing}{}", if number == 1 { "" } else { "s" })
+}
+
 pub(super) fn text(report: &Report) -> String {
     let mut rows = table(["dimension", "from", "to", "lowest", "highest", "rms error", "largest error"]);
     for d in &report.dimensions {
@@ -99,11 +104,12 @@ pub(super) fn text(report: &Report) -> String {
         path.as_deref().map_or_else(String::new, |path: &Path| format!("{what} {}\n", path.display()))
     };
     format!(
-        "{} primitive of {} dimensions, {:.3} s, from {} recordings\n{rows}\n{}{}",
+        "{} primitive of {}, {:.3} s, from {}\n{}\n{}{}",
         style::strong(report.kind),
-        report.dimensions.len(),
+        counted(report.dimensions.len(), "dimension"),
         report.duration_s,
-        report.recordings,
+        counted(report.recordings, "recording"),
+        rows.trim_fmt(),
         wrote("wrote", &report.output),
         wrote("drew", &report.plot),
     )
