@@ -202,7 +202,10 @@ fn a_recording_is_verified_to_the_last_bit_and_one_damaged_value_is_found() {
     let place = find(&bytes, &message) + find(&message, &value);
     drop(recording);
     bytes[place] ^= 1;
+    assert_eq!(Recording::open(&file).unwrap().faults(), [""; 0]);
     std::fs::write(&file, &bytes).unwrap();
+    let faults = Recording::open(&file).unwrap().faults();
+    assert!(faults[0].starts_with("is damaged: 1 chunk of it, between 0.000 s and "), "{faults:?}");
     let difference = check(&file, &[]).difference.expect("a difference");
     assert_eq!((difference.topic.as_str(), difference.sequence, difference.tick), ("sum", 640, 639));
     let What::Field { field, .. } = &difference.what else { panic!("{difference}") };
@@ -240,6 +243,7 @@ fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
     std::fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
     let torn = Recording::open(&file).unwrap();
     assert!(!torn.is_whole());
+    assert!(matches!(&torn.faults()[..], [fault] if fault.starts_with("has no end")), "{:?}", torn.faults());
     let read = torn.samples().map(Result::unwrap).count();
     assert!(read > 20_000, "{read} samples in half of the file");
     let verified = verify(&torn, &registry(), &Options::inline(), &[]).unwrap();
@@ -252,6 +256,17 @@ fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
     assert!(repaired.is_whole());
     assert_eq!(repaired.samples().count(), read);
     assert_eq!(repaired.plan().unwrap(), torn.plan().unwrap());
+    // of what holds nothing no file is made
+    let nothing = folder.path().join("nothing.mcap");
+    for (length, expected) in
+        [(0, "it is empty"), (8, "cut off after 8 bytes"), (60, "cut off after 60 bytes")]
+    {
+        std::fs::write(&file, &bytes[..length]).unwrap();
+        let refused = recover(&file, &nothing).unwrap_err().to_string();
+        assert!(refused.contains(expected) && !nothing.exists(), "{length}: {refused}");
+        let opened = Recording::open(&file).and_then(|recording| recording.plan()).unwrap_err().to_string();
+        assert!(opened.contains(expected), "{length}: {opened}");
+    }
     // what is cut anywhere is read or refused, and never a panic
     for length in (0..4096).chain([bytes.len() / 3, bytes.len() - 1]) {
         std::fs::write(&file, &bytes[..length]).unwrap();
