@@ -252,6 +252,8 @@ fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
     let whole = folder.path().join("whole.mcap");
     let recovered = recover(&file, &whole).unwrap();
     assert!(!recovered.was_whole && recovered.messages >= read as u64, "{recovered:?}");
+    let full = recover(&file, "/dev/full".as_ref()).unwrap_err().to_string();
+    assert!(full.contains("No space left on device"), "{full}");
     let repaired = Recording::open(&whole).unwrap();
     assert!(repaired.is_whole());
     assert_eq!(repaired.samples().count(), read);
@@ -318,6 +320,10 @@ fn a_black_box_keeps_the_last_moments_of_a_run_that_ends_badly_and_nothing_of_a_
     let kept = recorder(&file).replace("config = {", "config = { last = \"100 ms\",");
     run(&format!("{GRAPH}{kept}"), &Options::inline());
     assert!(!file.exists(), "the run was good");
+
+    let text = format!("{GRAPH}{}", kept.replace("100 ms", "0 ms"));
+    let error = graph::check("walk.toml".as_ref(), text, &[], &registry(), &Machine::detect()).unwrap_err();
+    assert!(error.render(false).contains("nothing is published"), "{}", error.render(false));
 
     let failing = format!("{GRAPH}{kept}[component.failing]\nkind = \"test.failing\"\nrate = \"1 kHz\"\n");
     let registry = registry();

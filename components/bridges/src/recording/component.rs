@@ -104,6 +104,10 @@ impl Component for Record {
             let found = format!("{}, expected 1 ms to 10 s", config.bridges);
             return Err(ConfigError::key("bridges", found));
         }
+        if config.last.is_some_and(|last| last.ns == 0) {
+            let found = "0 s, in which nothing is published";
+            return Err(ConfigError::key("last", found).advise("name a time such as \"30 s\""));
+        }
         let steps_record = declare.clock() == ClockKind::Lockstep;
         if steps_record && declare.period().is_some_and(|period| period > config.bridges.into()) {
             let found = format!("{}, less than a period of the component", config.bridges);

@@ -94,6 +94,7 @@ impl RecordedTopic {
 fn told(error: &McapError) -> String {
     match error {
         McapError::BadMagic => "this is no recording, which is an MCAP file".to_owned(),
+        McapError::Io(error) => error.to_string(),
         other => other.to_string(),
     }
 }

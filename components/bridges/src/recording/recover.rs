@@ -59,7 +59,13 @@ pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
         return Err(ReadError::Missing { path: torn.to_path_buf(), reason });
     }
     let file = File::create(whole).map_err(io(whole))?;
-    let recovered = copy(records, file).map_err(format(whole))?;
+    let recovered = copy(records, file).map_err(|error| {
+        // Part of a recording with an end would look like all of it. What is no file, such as a device, stays.
+        if std::fs::symlink_metadata(whole).is_ok_and(|there| there.is_file()) {
+            let _ = std::fs::remove_file(whole);
+        }
+        format(whole)(error)
+    })?;
     let lost_bytes = if recovered.was_whole { 0 } else { unread(&source) };
     Ok(Recovered { lost_bytes, ..recovered })
 }
