@@ -173,7 +173,11 @@ impl LinkColours {
     /// The colour of a shape of a link: that of the visual at its `place` among those of the link, else of the last one, else a
     /// plain one by the moving `body` that the link belongs to; `None` is the base.
     pub fn of_shape(&self, link: &str, place: usize, body: Option<usize>) -> Colour {
-        let stated = self.0.get(link).and_then(|colours| colours.get(place).or(colours.last()));
-        stated.copied().flatten().unwrap_or(PLAIN[body.map_or(0, |body| 1 + body % 2)])
+        self.stated(link, place).unwrap_or(PLAIN[body.map_or(0, |body| 1 + body % 2)])
+    }
+
+    /// The colour of the visual at a `place` among those of a link, else of the last one, where it states one.
+    pub(crate) fn stated(&self, link: &str, place: usize) -> Option<Colour> {
+        self.0.get(link).and_then(|colours| colours.get(place).or(colours.last())).copied().flatten()
     }
 }

@@ -175,16 +175,76 @@ appearance = { colours = { shed = [0.5, 0.2, 0.1] } }
     }
 }
 
+/// Geoms that touch are hidden and those that are seen touch nothing, as in many files; colours of geoms, of classes and of materials.
+const COLOURED: &str = r#"<mujoco>
+  <default>
+    <default class="touched"><geom group="3" rgba="0 1 1 0.3"/></default>
+    <default class="seen"><geom group="2" contype="0" conaffinity="0" mass="0"/></default>
+  </default>
+  <asset>
+    <texture name="squares" type="2d" builtin="checker" rgb1="0 0 0" rgb2="1 1 1" width="8" height="8"/>
+    <material name="squares" texture="squares"/>
+    <material name="wood" rgba="0.6 0.4 0.2 1"/>
+    <hfield name="hill" nrow="2" ncol="2" size="1 1 1 1" elevation="0 1 1 0"/>
+  </asset>
+  <worldbody>
+    <geom name="floor" type="plane" size="0 0 1" rgba="0.1 0.2 0.3 1"/>
+    <geom name="table" type="box" size="1 1 0.1" material="wood"/>
+    <geom name="wall" type="box" size="1 0.1 1" pos="0 3 1" material="squares"/>
+    <geom name="hill" type="hfield" hfield="hill" pos="5 5 0" rgba="0.3 0.5 0.1 1"/>
+    <body name="mug" pos="0 0 1"><freejoint/>
+      <geom class="touched" type="cylinder" size="0.04 0.05"/>
+      <geom class="touched" type="sphere" size="0.02" pos="0.05 0 0"/>
+      <geom class="seen" type="cylinder" size="0.04 0.05" rgba="0.9 0.8 0.7 1"/>
+    </body>
+    <body name="stone" pos="1 0 1"><freejoint/><geom class="touched" size="0.1"/></body>
+    <body name="cup" pos="2 0 1"><freejoint/><geom size="0.1"/></body>
+    <body name="cup2" pos="3 0 1"><freejoint/><geom size="0.1" rgba="1 0 0 1"/></body>
+  </worldbody>
+</mujoco>"#;
+
+#[test]
+fn objects_of_mjcf_have_the_colours_that_their_viewer_shows_unless_the_world_states_others() {
+    let mut world = of_file("table.xml", COLOURED).unwrap();
+    world.check(std::iter::empty()).unwrap();
+    let colours = |world: &World| {
+        let of = |(name, colour): (&String, &[f64; 3])| (name.clone(), *colour);
+        world.appearance.colours.iter().map(of).collect::<Vec<_>>()
+    };
+    let expected = [
+        ("cup2", [1.0, 0.0, 0.0]),
+        ("ground", [0.1, 0.2, 0.3]),
+        ("hill", [0.3, 0.5, 0.1]),
+        ("mug", [0.9, 0.8, 0.7]),
+        ("stone", [0.0, 1.0, 1.0]),
+        ("table", [0.6, 0.4, 0.2]),
+    ];
+    assert_eq!(colours(&world), expected.map(|(name, colour)| (name.to_string(), colour)));
+    assert_eq!(world.appearance.ground(), [0.1, 0.2, 0.3]);
+
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("table.xml"), COLOURED).unwrap();
+    let text = "file = \"table.xml\"\nground = {}\nappearance = { colours = { mug = [0.0, 0.0, 1.0] } }";
+    world = toml::from_str(text).unwrap();
+    world.locate(folder.path()).unwrap();
+    assert_eq!(world.appearance.colours["mug"], [0.0, 0.0, 1.0]);
+    assert!(!world.appearance.colours.contains_key("ground"), "the ground is not that of the file");
+    assert_eq!(world.appearance.colours["table"], [0.6, 0.4, 0.2]);
+}
+
 #[test]
 fn a_world_of_a_fixed_urdf_is_its_collision_shapes() {
     let urdf = r#"<robot name="shelf">
-  <link name="frame"><collision><origin xyz="0 0 1"/><geometry><box size="1 0.3 2"/></geometry></collision></link>
+  <link name="frame"><visual><geometry><box size="1 1 1"/></geometry><material name="m"><color rgba="0.2 0.3 0.4 1"/></material></visual>
+    <collision><origin xyz="0 0 1"/><geometry><box size="1 0.3 2"/></geometry></collision></link>
   <link name="board"><collision><geometry><cylinder radius="0.2" length="0.02"/></geometry></collision></link>
   <joint name="screwed" type="fixed"><parent link="frame"/><child link="board"/><origin xyz="0 0.3 0.5"/></joint>
 </robot>"#;
     let world = of_file("shelf.urdf", urdf).unwrap();
     let found: Vec<_> = world.objects.iter().map(|object| (object.name.as_str(), object.position)).collect();
     assert_eq!(found, [("frame", [0.0, 0.0, 1.0]), ("board", [0.0, 0.3, 0.5])]);
+    let colours: Vec<_> = world.appearance.colours.into_iter().collect();
+    assert_eq!(colours, [("frame".to_string(), [0.2, 0.3, 0.4])]);
     let refused = of_file(
         "door.urdf",
         &urdf.replace("\"fixed\"", "\"revolute\"").replace(
@@ -193,7 +253,7 @@ fn a_world_of_a_fixed_urdf_is_its_collision_shapes() {
         ),
     );
     let refused = refused.unwrap_err().to_string();
-    assert!(refused.contains("door.urdf:4:3: joint \"screwed\" moves"), "{refused}");
+    assert!(refused.contains("door.urdf:5:3: joint \"screwed\" moves"), "{refused}");
 }
 
 const SDF: &str = r#"<sdf version="1.9"><world name="w">
@@ -212,6 +272,12 @@ fn a_world_of_sdf_has_its_planes_and_models_and_refuses_robots_with_their_place(
     let [crate_] = &world.objects[..] else { panic!("{:?}", world.objects) };
     assert_eq!((crate_.mass, crate_.friction, crate_.position), (Some(3.0), 1.0, [1.0, 0.0, 0.25]));
     assert!((crate_.rpy[2] - 0.5).abs() < 1e-12);
+    let brown = SDF.replace(
+        "<visual name=\"v\"/>",
+        "<visual name=\"v\"><material><diffuse>0.5 0.3 0.1 1</diffuse></material></visual>",
+    );
+    let colours: Vec<_> = of_file("w.sdf", &brown).unwrap().appearance.colours.into_iter().collect();
+    assert_eq!((colours, world.appearance.colours.len()), (vec![("crate".to_string(), [0.5, 0.3, 0.1])], 0));
     for (old, new, expected) in [
         ("<gravity>0 0 -9.8<", "<gravity>0 0<", "w.sdf:2:1: <gravity> is \"0 0\", expected 3 numbers"),
         ("<visual name=\"v\"/></link>", "</link><joint name=\"j\"/>", "model \"crate\" has a joint"),

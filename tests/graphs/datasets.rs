@@ -105,13 +105,25 @@ info = json.loads((root / "meta/info.json").read_text())
 stats = json.loads((root / "meta/stats.json").read_text())
 data = parquet.read_table(root / "data/chunk-000/file-000.parquet")
 frames = data.num_rows
+episodes = parquet.read_table(root / "meta/episodes/chunk-000/file-000.parquet")
+
+def agree(of, count, counts):
+    for colour in range(3):
+        values = [value for value in range(256) if counts[colour][value]]
+        total = sum(counts[colour])
+        mean = math.fsum(value * counts[colour][value] for value in values) / total
+        deviation = math.sqrt(math.fsum((value - mean) ** 2 * counts[colour][value] for value in values) / total)
+        found = {key: value if key == "count" else value[colour][0][0] for key, value in of.items()}
+        assert found["count"] == [count] and (found["min"], found["max"]) == (values[0] / 255, values[-1] / 255)
+        assert math.isclose(found["mean"], mean / 255) and math.isclose(found["std"], deviation / 255)
+
 for name, size in [("camera", (160, 120)), ("scene_grey", (64, 48))]:
     feature = f"observation.images.{name}"
     assert info["features"][feature] == {
         "dtype": "image", "shape": [size[1], size[0], 3], "names": ["height", "width", "channels"]}
     kind = data.schema.field(feature).type
     assert kind.field("bytes").type == arrow.binary() and kind.field("path").type == arrow.string()
-    counts = [[0] * 256 for _ in range(3)]
+    counts = [[[0] * 256 for _ in range(3)] for _ in range(episodes.num_rows)]
     of_frames = list(zip(data["episode_index"].to_pylist(), data["frame_index"].to_pylist()))
     for frame, file in enumerate(data[feature].to_pylist()):
         raw_file = raw / "{}-{}-{}".format(name, *of_frames[frame])
@@ -120,20 +132,20 @@ for name, size in [("camera", (160, 120)), ("scene_grey", (64, 48))]:
         assert found == raw_file.read_bytes(), (name, frame)
         for colour in range(3):
             for value in found[colour::3]:
-                counts[colour][value] += 1
-    for colour in range(3):
-        values = [value for value in range(256) if counts[colour][value]]
-        total = sum(counts[colour])
-        mean = math.fsum(value * counts[colour][value] for value in values) / total
-        deviation = math.sqrt(math.fsum((value - mean) ** 2 * counts[colour][value] for value in values) / total)
-        of = {key: value if key == "count" else value[colour][0][0] for key, value in stats[feature].items()}
-        assert of["count"] == [frames] and (of["min"], of["max"]) == (values[0] / 255, values[-1] / 255)
-        assert math.isclose(of["mean"], mean / 255) and math.isclose(of["std"], deviation / 255)
+                counts[of_frames[frame][0]][colour][value] += 1
+    agree(stats[feature], frames, [[sum(both) for both in zip(*of_colour)] for of_colour in zip(*counts)])
+    for index, episode in enumerate(episodes.to_pylist()):
+        prefix = f"stats/{feature}/"
+        of = {key.removeprefix(prefix): value for key, value in episode.items() if key.startswith(prefix)}
+        assert set(of) == set(stats[feature]), of
+        agree(of, episode["length"], counts[index])
+        assert episodes.schema.field(prefix + "mean").type.value_type.value_type.value_type == arrow.float64()
 assert not any("depth" in name for name in info["features"])
 print(frames, "frames of", len(set(info["features"]) & set(stats)), "features")
 "#;
 
-/// LeRobot opens the dataset, and hands out each frame with its pictures as it hands out those that it has written itself.
+/// LeRobot opens the dataset, and hands out each frame with its pictures as it hands out those that it has written itself: alone, in
+/// batches, with frames before and after it, and of chosen episodes. Its tools take it apart, and its recorder goes on with it.
 const WITH_LEROBOT: &str = r#"
 import sys
 from pathlib import Path
@@ -153,6 +165,46 @@ for name, (width, height) in [("camera", (160, 120)), ("scene_grey", (64, 48))]:
     assert data.meta.stats[f"observation.images.{name}"]["mean"].shape == (3, 1, 1)
 item = data[len(data) - 1]
 assert item["task"] == "look at the ball" and item["episode_index"] == 1, item
+before_and_after = {"observation.state": [-0.05, 0.0], "action": [0.0, 0.05, 0.1]}
+around = LeRobotDataset("user/eyes", root=root, delta_timestamps=before_and_after)
+for frame in range(len(data)):
+    item, found = data[frame], around[frame]
+    episode = data.meta.episodes[int(item["episode_index"])]
+    first, end = episode["dataset_from_index"], episode["dataset_to_index"]
+    for feature, steps in [("observation.state", [-1, 0]), ("action", [0, 1, 2])]:
+        for place, step in enumerate(steps):
+            there = min(max(frame + step, first), end - 1)
+            assert (found[feature][place] == data[there][feature]).all(), (frame, feature, step)
+            assert bool(found[feature + "_is_pad"][place]) == (there != frame + step), (frame, feature, step)
+second = LeRobotDataset("user/eyes", root=root, episodes=[1])
+assert len(second) == data.meta.episodes[1]["length"] and int(second[0]["episode_index"]) == 1
+assert (second[0]["observation.images.camera"] == data[len(data) - len(second)]["observation.images.camera"]).all()
+states = numpy.stack([data[frame]["observation.state"].numpy() for frame in range(len(data))]).astype(numpy.float64)
+for name, of in [("mean", states.mean(0)), ("std", states.std(0)), ("q10", numpy.quantile(states, 0.1, axis=0))]:
+    assert numpy.allclose(data.meta.stats["observation.state"][name], of, rtol=1e-5, atol=1e-7), name
+
+import shutil
+import tempfile
+with tempfile.TemporaryDirectory() as folder:
+    from lerobot.datasets.dataset_tools import delete_episodes
+    kept = delete_episodes(data, [0], output_dir=Path(folder) / "kept", repo_id="user/kept")
+    assert kept.num_episodes == 1 and kept.num_frames == len(second)
+    found = kept.meta.stats["observation.images.camera"]
+    pictures = numpy.stack([second[frame]["observation.images.camera"].numpy() for frame in range(len(second))])
+    assert numpy.allclose(numpy.ravel(found["mean"]), pictures.mean(axis=(0, 2, 3)), rtol=1e-5), found
+    shutil.copytree(root, Path(folder) / "more")
+    more = LeRobotDataset.resume("user/more", root=Path(folder) / "more")
+    for frame in range(3):
+        empty = {"observation.state": (8,), "action": (8,)}
+        frame = {name: numpy.zeros(shape, numpy.float32) for name, shape in empty.items()}
+        for name, shape in [("camera", (120, 160, 3)), ("scene_grey", (48, 64, 3))]:
+            frame[f"observation.images.{name}"] = numpy.zeros(shape, numpy.uint8)
+        more.add_frame({**frame, "task": "look away"})
+    more.save_episode()
+    more.finalize()
+    more = LeRobotDataset("user/more", root=Path(folder) / "more")
+    assert (more.num_episodes, more.num_frames) == (3, len(data) + 3)
+    assert (more[0]["task"], more[len(data)]["task"]) == ("look at the ball", "look away")
 from torch.utils.data import DataLoader
 batch = next(iter(DataLoader(data, batch_size=4, shuffle=False)))
 assert tuple(batch["observation.images.camera"].shape) == (4, 3, 120, 160)

@@ -41,7 +41,15 @@ fn foxgloves_own_classes_read_every_message_for_viewers_as_its_schema_does() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     let contacts = ["--set", "physics.publish.contacts=\"quadruped/contacts\""];
-    let of_camera = ["CameraCalibration", "FrameTransforms", "JointStates", "Log", "PoseInFrame", "RawImage"];
+    let of_camera = [
+        "CameraCalibration",
+        "FrameTransforms",
+        "JointStates",
+        "Log",
+        "PoseInFrame",
+        "RawImage",
+        "SceneUpdate",
+    ];
     for (graph, options, expected) in [
         ("camera-servo.toml", &[][..], &of_camera[..]),
         ("drive-square.toml", &[], &["Odometry"]),

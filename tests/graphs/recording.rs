@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
+use foxglove::Decode as _;
+
 use crate::MOTORIUM;
 use crate::support::{machine, run, workspace};
 
@@ -116,6 +118,33 @@ fn the_cost_of_a_recording_is_told_for_each_latency_and_each_component() {
         let ratio = row["p50"]["ratio"].as_f64().expect("a ratio");
         assert!((ratio - of("with_ns") / of("without_ns")).abs() < 1e-12, "{row}");
     }
+}
+
+#[test]
+fn a_recording_holds_the_world_of_an_mjcf_file_in_its_colours() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (world, overlay) = (folder.path().join("yard.xml"), folder.path().join("yard.toml"));
+    let text_of = r#"<mujoco><asset><material name="wood" rgba="0.6 0.4 0.2 1"/></asset><worldbody>
+      <geom type="plane" size="0 0 1" pos="0 0 -0.5" rgba="0.1 0.6 0.2 1"/>
+      <geom name="shelf" type="box" size="0.1 0.1 0.1" pos="2 0 0" material="wood"/>
+      <body name="ball" pos="2 1 1"><freejoint/><geom size="0.1" rgba="0.9 0.1 0.1 1"/></body>
+    </worldbody></mujoco>"#;
+    std::fs::write(&world, text_of).expect("written");
+    std::fs::write(&overlay, format!("[world]\nfile = {:?}\n", text(&world))).expect("written");
+    let options = ["--for", "20 ms", "--no-expect", "--with", text(&overlay)];
+    let file = recorded(folder.path(), "panda-reach.toml", &options);
+    let recording = motorium_bridges::recording::Recording::open(&file).expect("a recording");
+    let message = recording.latched("/world/scene").expect("the world");
+    let scene = foxglove::messages::SceneUpdate::decode(message).expect("a scene");
+    let colours = scene.entities.iter().map(|entity| {
+        let cubes = entity.cubes.iter().map(|cube| cube.color);
+        let color =
+            cubes.chain(entity.spheres.iter().map(|sphere| sphere.color)).flatten().next().expect("a colour");
+        (entity.id.as_str(), [color.r, color.g, color.b])
+    });
+    let colours: Vec<_> = colours.collect();
+    let expected = [("shelf", [0.6, 0.4, 0.2]), ("ball", [0.9, 0.1, 0.1]), ("ground", [0.1, 0.6, 0.2])];
+    assert_eq!(colours, expected);
 }
 
 /// A disk that is full: files of this process can have a megabyte, the shared memory of a run needs less.

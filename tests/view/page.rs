@@ -51,6 +51,7 @@ fn the_check_compares_the_page_with_the_run_and_writes_its_picture() {
     assert!(output.status.success(), "{text}{errors}");
     for words in [
         "first picture of the robot:",
+        "the browser asked for the page after",
         "equal on the page and in the run",
         "pictures a second",
         "all links within",

@@ -202,7 +202,10 @@ fn a_recording_is_verified_to_the_last_bit_and_one_damaged_value_is_found() {
     let place = find(&bytes, &message) + find(&message, &value);
     drop(recording);
     bytes[place] ^= 1;
+    assert_eq!(Recording::open(&file).unwrap().faults(), [""; 0]);
     std::fs::write(&file, &bytes).unwrap();
+    let faults = Recording::open(&file).unwrap().faults();
+    assert!(faults[0].starts_with("is damaged: 1 chunk of it, between 0.000 s and "), "{faults:?}");
     let difference = check(&file, &[]).difference.expect("a difference");
     assert_eq!((difference.topic.as_str(), difference.sequence, difference.tick), ("sum", 640, 639));
     let What::Field { field, .. } = &difference.what else { panic!("{difference}") };
@@ -240,6 +243,7 @@ fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
     std::fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
     let torn = Recording::open(&file).unwrap();
     assert!(!torn.is_whole());
+    assert!(matches!(&torn.faults()[..], [fault] if fault.starts_with("has no end")), "{:?}", torn.faults());
     let read = torn.samples().map(Result::unwrap).count();
     assert!(read > 20_000, "{read} samples in half of the file");
     let verified = verify(&torn, &registry(), &Options::inline(), &[]).unwrap();
@@ -248,10 +252,23 @@ fn a_torn_file_is_read_up_to_the_damage_and_repaired() {
     let whole = folder.path().join("whole.mcap");
     let recovered = recover(&file, &whole).unwrap();
     assert!(!recovered.was_whole && recovered.messages >= read as u64, "{recovered:?}");
+    let full = recover(&file, "/dev/full".as_ref()).unwrap_err().to_string();
+    assert!(full.contains("No space left on device"), "{full}");
     let repaired = Recording::open(&whole).unwrap();
     assert!(repaired.is_whole());
     assert_eq!(repaired.samples().count(), read);
     assert_eq!(repaired.plan().unwrap(), torn.plan().unwrap());
+    // of what holds nothing no file is made
+    let nothing = folder.path().join("nothing.mcap");
+    for (length, expected) in
+        [(0, "it is empty"), (8, "cut off after 8 bytes"), (60, "cut off after 60 bytes")]
+    {
+        std::fs::write(&file, &bytes[..length]).unwrap();
+        let refused = recover(&file, &nothing).unwrap_err().to_string();
+        assert!(refused.contains(expected) && !nothing.exists(), "{length}: {refused}");
+        let opened = Recording::open(&file).and_then(|recording| recording.plan()).unwrap_err().to_string();
+        assert!(opened.contains(expected), "{length}: {opened}");
+    }
     // what is cut anywhere is read or refused, and never a panic
     for length in (0..4096).chain([bytes.len() / 3, bytes.len() - 1]) {
         std::fs::write(&file, &bytes[..length]).unwrap();
@@ -303,6 +320,10 @@ fn a_black_box_keeps_the_last_moments_of_a_run_that_ends_badly_and_nothing_of_a_
     let kept = recorder(&file).replace("config = {", "config = { last = \"100 ms\",");
     run(&format!("{GRAPH}{kept}"), &Options::inline());
     assert!(!file.exists(), "the run was good");
+
+    let text = format!("{GRAPH}{}", kept.replace("100 ms", "0 ms"));
+    let error = graph::check("walk.toml".as_ref(), text, &[], &registry(), &Machine::detect()).unwrap_err();
+    assert!(error.render(false).contains("nothing is published"), "{}", error.render(false));
 
     let failing = format!("{GRAPH}{kept}[component.failing]\nkind = \"test.failing\"\nrate = \"1 kHz\"\n");
     let registry = registry();

@@ -51,6 +51,8 @@ pub(super) struct Geom {
     pub(super) kept: bool,
     /// The colour that it or its material states.
     pub(super) colour: Option<Colour>,
+    /// MuJoCo's viewer shows it unasked.
+    pub(super) is_seen: bool,
     /// In the frame that the geom is placed in; an error where it is not known, for when it is needed.
     pub(super) inertia: Result<Inertia, MjcfError>,
 }
@@ -60,8 +62,8 @@ pub(super) struct Geoms<'b, 'a, 'i> {
     pub(super) compiler: &'b Compiler,
     pub(super) shapes: ShapeSource,
     pub(super) meshes: HashMap<&'a str, MeshAsset>,
-    /// Red, green, blue and opacity of the materials.
-    pub(super) materials: HashMap<&'a str, [f64; 4]>,
+    /// Red, green, blue and opacity of the materials; `None` for one that has a texture alone.
+    pub(super) materials: HashMap<&'a str, Option<[f64; 4]>>,
 }
 
 impl<'a, 'i> Geoms<'_, 'a, 'i> {
@@ -129,16 +131,21 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
             true => self.inertia(&geom, kind, &geometry, &placement)?,
             false => Ok(Inertia::zero()),
         };
-        let rgba = self.rgba(&geom)?;
+        let (colour, is_seen) = self.look(&geom)?;
         let kept = match self.shapes {
             ShapeSource::Collision => masks != [0, 0],
-            ShapeSource::Visual => {
-                let is_seen = rgba.is_none_or(|[_, _, _, opacity]| opacity > 0.0);
-                is_seen && group <= LAST_SEEN && kind != "plane"
-            }
+            ShapeSource::Visual => is_seen && kind != "plane",
         };
+        Ok(Geom { placement, geometry, masks, kept, colour, is_seen, inertia })
+    }
+
+    /// The colour that a geom or its material states, and whether MuJoCo's viewer shows it unasked.
+    pub(super) fn look(&self, geom: &Element<'_, 'a, 'i>) -> Result<(Option<Colour>, bool), MjcfError> {
+        let rgba = self.rgba(geom)?;
+        let is_opaque = rgba.is_none_or(|[_, _, _, opacity]| opacity > 0.0);
+        let is_seen = is_opaque && geom.number("group", 0.0)? <= LAST_SEEN;
         let colour = rgba.map(|[red, green, blue, _]| [red, green, blue].map(|part| part.clamp(0.0, 1.0)));
-        Ok(Geom { placement, geometry, masks, kept, colour, inertia })
+        Ok((colour, is_seen))
     }
 
     /// Red, green, blue and opacity that a geom or its material states.
@@ -150,7 +157,7 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
             let (element, name) = (named(geom.node), name.to_owned());
             return Err(geom.error(MjcfProblem::Unknown { element, what: "material", name, nearest }));
         };
-        Ok(own.filter(|own| *own != GREY).or(Some(*material)))
+        Ok(own.filter(|own| *own != GREY).or(*material))
     }
 
     /// Inertia of a geom; the inner error is one for when the inertia is needed.

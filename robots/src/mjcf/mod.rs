@@ -21,6 +21,7 @@ mod held;
 mod include;
 mod joints;
 mod keyframes;
+mod looks;
 mod masks;
 mod pose;
 mod schema;

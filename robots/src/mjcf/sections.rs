@@ -53,7 +53,8 @@ pub(super) fn read_assets<'a, 'i>(
             "material" => {
                 let material = geoms.attributes.element(node, MAIN, &MATERIAL)?;
                 let name = node.attribute("name").ok_or_else(|| material.missing("name"))?;
-                let rgba = material.numbers::<4>("rgba")?.unwrap_or([1.0; 4]);
+                let plain = material.get("texture").is_none().then_some([1.0; 4]);
+                let rgba = material.numbers::<4>("rgba")?.or(plain);
                 geoms.materials.insert(name, rgba);
                 continue;
             }

@@ -14,6 +14,7 @@ use super::error::{MjcfError, MjcfProblem};
 use super::free_bodies::{FreeGeom, Weight, object};
 use super::geoms::{Geom, Geoms};
 use super::held::{Held, connections};
+use super::looks::Looks;
 use super::pose::pose;
 use super::schema::{BODY, FRAME, FREEJOINT, GEOM, JOINT, OPTION};
 use super::sections::read_assets;
@@ -21,8 +22,8 @@ use super::{height_fields, include};
 use crate::nearest::nearest;
 use crate::world::unique;
 use crate::{
-    BasePose, Geometry, Ground, MeshCollision, MeshShape, ModelWarning, Object, ObjectShape, ShapeSource,
-    TriangleMesh, World,
+    BasePose, Colour, Geometry, Ground, MeshCollision, MeshShape, ModelWarning, Object, ObjectShape,
+    ShapeSource, TriangleMesh, World,
 };
 
 /// An MJCF text turned into a world.
@@ -39,6 +40,9 @@ pub struct MjcfWorld {
 /// Sections without effect on a world.
 const SKIPPED: [&str; 5] = ["size", "visual", "statistic", "custom", "sensor"];
 
+/// The name of the ground among the colours of a world.
+const GROUND: &str = "ground";
+
 /// Sections of robots.
 const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 
@@ -46,7 +50,7 @@ const OF_ROBOTS: [&str; 3] = ["tendon", "actuator", "keyframe"];
 ///
 /// Geoms of bodies that do not move become fixed objects, height fields among them, a level plane without ends the ground, a body with a
 /// free joint an object that moves: of one shape or of several, with the masses that its geoms have there. Meshes touch by their convex
-/// hull, as in MuJoCo, height fields by their triangles. `<connect>` and `<weld>` become connections of objects. Bodies with other
+/// hull, as in MuJoCo, height fields by their triangles. Objects have the colours of their geoms. `<connect>` and `<weld>` become connections of objects. Bodies with other
 /// joints, and what else a world does not hold, are refused with their place. Geoms that touch nothing and have no mass are left out with
 /// a warning.
 ///
@@ -135,11 +139,13 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
     }
     let fields = height_fields::read(root, &attributes, &compiler, file)?;
     let (bodies, free, within) = (HashMap::new(), Vec::new(), Vec::new());
-    let mut reader = Reader { geoms: &geoms, fields, world, bodies, free, within };
+    let mut reader = Reader { geoms: &geoms, fields, world, bodies, free, within, looks: Looks::default() };
     for section in root.children().filter(|section| section.has_tag_name("worldbody")) {
         reader.contents(section, &Place { within: Isometry3::identity(), class: MAIN, frees: false })?;
     }
-    let Reader { mut world, bodies, .. } = reader;
+    let Reader { mut world, bodies, looks, .. } = reader;
+    let objects = world.objects.iter().map(|object| object.name.as_str());
+    world.appearance.colours = looks.colours(objects.chain(world.ground.map(|_| GROUND)));
     for section in root.children().filter(|section| section.has_tag_name("equality")) {
         world.connections.extend(connections(section, &attributes, &bodies)?);
     }
@@ -168,6 +174,7 @@ struct Reader<'b, 'a, 'i> {
     free: Vec<FreeGeom<'a, 'i>>,
     /// The bodies that it consists of, with their poses in the world.
     within: Vec<(String, Isometry3<f64>)>,
+    looks: Looks,
 }
 
 impl<'a, 'i> Reader<'_, 'a, 'i> {
@@ -239,6 +246,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             return self.contents(node, &place);
         }
         self.within.push((body_name(node), within));
+        let first = self.looks.len();
         self.contents(node, &place)?;
         if !frees {
             return Ok(());
@@ -249,6 +257,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         for (name, pose) in bodies {
             self.bodies.insert(name, Held { object: object.name.clone(), frame: frame.inv_mul(&pose) });
         }
+        self.looks.rename(first, &object.name);
         self.world.objects.push(object);
         Ok(())
     }
@@ -266,7 +275,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         if read.get("type") == Some("hfield") {
             return self.field(&read, place, surface);
         }
-        let Geom { placement, geometry, kept, inertia, .. } =
+        let Geom { placement, geometry, kept, colour, is_seen, inertia, .. } =
             self.geoms.read(node, place.class, !place.frees)?;
         if !kept && place.frees && !inertia.as_ref().is_ok_and(|inertia| inertia.mass == 0.0) {
             return Err(self.other(
@@ -275,6 +284,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             ));
         }
         if !kept {
+            self.looks.add(node, None, colour, is_seen);
             attributes.ignored(node, "geom".to_owned(), "it touches nothing, and a world holds what touches");
             return Ok(());
         }
@@ -285,6 +295,8 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             }
             let weight = Weight::of(&geometry, inertia, &read)?;
             let shape = shape(&geometry, &read)?;
+            // The name of its object follows when all of its geoms are read.
+            self.looks.add(node, Some(""), colour, is_seen);
             self.free.push(FreeGeom { node, pose, shape, weight, surface });
             return Ok(());
         }
@@ -300,12 +312,13 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             // The plane is the top of the box that stands for it.
             let Geometry::Box { size } = geometry else { return Ok(()) };
             let height = pose.translation.z + 0.5 * size.z;
+            self.looks.add(node, Some(GROUND), colour, is_seen);
             self.world.ground =
                 Some(Ground { height, friction, torsional_friction, rolling_friction, ..Ground::default() });
             return Ok(());
         }
         let shape = shape(&geometry, &read)?;
-        self.fixed(node, shape, &pose, surface);
+        self.fixed(node, shape, &pose, surface, (colour, is_seen));
         Ok(())
     }
 
@@ -333,16 +346,25 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
         }
         let shape = MeshShape::of_mesh(name, mesh.clone(), MeshCollision::Triangles);
         let pose = place.within * pose(read, self.geoms.compiler)?;
-        self.fixed(read.node, ObjectShape::Mesh(shape), &pose, surface);
+        let look = self.geoms.look(read)?;
+        self.fixed(read.node, ObjectShape::Mesh(shape), &pose, surface, look);
         Ok(())
     }
 
     /// Adds an object that does not move, called as the geom, else as its body.
-    fn fixed(&mut self, node: Node<'a, 'i>, shape: ObjectShape, pose: &Isometry3<f64>, surface: Object) {
+    fn fixed(
+        &mut self,
+        node: Node<'a, 'i>,
+        shape: ObjectShape,
+        pose: &Isometry3<f64>,
+        surface: Object,
+        (colour, is_seen): (Option<Colour>, bool),
+    ) {
         let body = node.ancestors().find(|node| node.has_tag_name("body")).map(body_name);
         let name = node.attribute("name").map(str::to_owned).or(body);
         let name = unique(&self.world, name.as_deref().unwrap_or("geom"));
         let BasePose { position, rpy } = BasePose::of(pose);
+        self.looks.add(node, Some(&name), colour, is_seen);
         self.world.objects.push(Object { name, shape, position, rpy, ..surface });
     }
 }

@@ -1,5 +1,6 @@
 //! Worlds of files that other programs read, too: MJCF, URDF and SDF.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
@@ -9,8 +10,8 @@ use super::{EARTH, Object, ObjectShape, World, sdf};
 use crate::file::read_bounded;
 use crate::format::is_mjcf;
 use crate::{
-    BasePose, Geometry, LoadOptions, MeshShape, MjcfError, MjcfWorld, ModelWarning, Position, Shape,
-    UrdfError, parse_mjcf_world, parse_urdf_with,
+    BasePose, Geometry, LinkColours, LoadOptions, MeshShape, MjcfError, MjcfWorld, ModelWarning, Position,
+    Shape, UrdfError, parse_mjcf_world, parse_urdf_with,
 };
 
 /// Longest file of a world, bytes.
@@ -61,9 +62,10 @@ pub(super) struct Read {
 }
 
 impl World {
-    /// Adds the ground and the objects of a file, before its own; and its gravity where this world states none.
+    /// Adds the ground and the objects of a file, before its own, with their colours where this world states no others; and its
+    /// gravity where this world states none.
     pub(super) fn add_file(&mut self, path: &Path) -> Result<Vec<ModelWarning>, WorldFileError> {
-        let Read { world, states_gravity, warnings } = read(path)?;
+        let Read { mut world, states_gravity, warnings } = read(path)?;
         if states_gravity && !self.states_gravity && self.gravity == EARTH {
             self.gravity = world.gravity;
         }
@@ -72,6 +74,11 @@ impl World {
         }
         if self.ground.is_none() && self.terrain.is_none() {
             self.ground = world.ground;
+        } else {
+            world.appearance.colours.remove("ground");
+        }
+        for (name, colour) in world.appearance.colours {
+            self.appearance.colours.entry(name).or_insert(colour);
         }
         self.objects.splice(0..0, world.objects);
         self.connections.splice(0..0, world.connections);
@@ -126,6 +133,7 @@ fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldF
     }
     let base = robot.model.base();
     let mut world = World::default();
+    let (colours, mut used) = (LinkColours::of_urdf(text), BTreeMap::<&str, usize>::new());
     for shape in base.shapes.iter().chain(&base.world_shapes) {
         let missing = |uri: &str| {
             let mesh = document.descendants().find(|node| node.attribute("filename") == Some(uri));
@@ -138,6 +146,11 @@ fn urdf(text: &str, path: &Path, document: &Document<'_>) -> Result<Read, WorldF
             )
         };
         let object = object(&world, shape).map_err(|uri| missing(&uri))?;
+        let place = used.entry(&shape.link).or_default();
+        if let Some(colour) = colours.stated(&shape.link, *place) {
+            world.appearance.colours.insert(object.name.clone(), colour);
+        }
+        *place += 1;
         world.objects.push(object);
     }
     Ok(Read { world, states_gravity: false, warnings: robot.warnings })

@@ -277,12 +277,34 @@ impl Reader<'_> {
                 length: self.number(geometry, "length")?,
             },
             "mesh" => self.mesh(geometry)?,
-            "plane" => return self.plane(geometry, model, &pose, (friction, mass.is_some())),
+            "plane" => return self.plane((collision, geometry), model, &pose, (friction, mass.is_some())),
             name => return Err(self.unread(geometry, name)),
         };
         let name = unique(&self.world, model);
+        self.paint(collision, &name);
         self.world.objects.push(Object { mass, friction, ..fixed(name, shape, &pose) });
         Ok(())
+    }
+
+    /// Gives an object the diffuse colour of the visual at the place of its collision in the link, else of the last one.
+    fn paint(&mut self, collision: Node<'_, '_>, object: &str) {
+        let of_kind = |kind| {
+            collision
+                .parent()
+                .into_iter()
+                .flat_map(|link| link.children())
+                .filter(move |node| node.has_tag_name(kind))
+        };
+        let place = of_kind("collision").position(|other| other == collision).unwrap_or(0);
+        let visual = of_kind("visual").nth(place).or_else(|| of_kind("visual").last());
+        let diffuse =
+            visual.and_then(|visual| child(visual, "material")).and_then(|looks| child(looks, "diffuse"));
+        let Some(text) = diffuse.and_then(|diffuse| diffuse.text()) else { return };
+        let parts: Vec<f64> = text.split_whitespace().filter_map(|part| part.parse().ok()).collect();
+        if let [red, green, blue, ..] = parts[..] {
+            let colour = [red, green, blue].map(|part| part.clamp(0.0, 1.0));
+            self.world.appearance.colours.insert(object.to_owned(), colour);
+        }
     }
 
     /// The coefficient of a collision; SDF's default is 1.
@@ -327,7 +349,7 @@ impl Reader<'_> {
     /// A level plane is the ground, any other one a box below it with its size.
     fn plane(
         &mut self,
-        geometry: Node<'_, '_>,
+        (collision, geometry): (Node<'_, '_>, Node<'_, '_>),
         model: &str,
         pose: &Isometry3<f64>,
         (friction, moves): (f64, bool),
@@ -346,6 +368,7 @@ impl Reader<'_> {
         let pose = pose * turn;
         if (pose.rotation * Vector3::z()).z > 1.0 - 1e-9 && self.world.ground.is_none() {
             self.world.ground = Some(Ground { height: pose.translation.z, friction, ..Ground::default() });
+            self.paint(collision, "ground");
             return Ok(());
         }
         let Some(size) = child(geometry, "size") else {
@@ -359,6 +382,7 @@ impl Reader<'_> {
         let shape = ObjectShape::Box { size: [x, y, THICK] };
         let pose = pose * Translation3::new(0.0, 0.0, -0.5 * THICK);
         let name = unique(&self.world, model);
+        self.paint(collision, &name);
         self.world.objects.push(Object { friction, ..fixed(name, shape, &pose) });
         Ok(())
     }

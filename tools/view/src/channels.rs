@@ -7,11 +7,11 @@ use foxglove::{PartialMetadata, RawChannel, Schema, SinkId};
 use motorium::plan::Plan;
 use motorium::schedule::Overheads;
 use motorium::state::Stamp;
-use motorium_bridges::foxglove::{Channel, channels, descriptions};
+use motorium_bridges::foxglove::{self as drawn, Channel, WORLD_SCENE, channels, descriptions};
 
 use crate::assets::Assets;
+use crate::graph;
 use crate::server::Server;
-use crate::{graph, world};
 
 /// The channels of a plan. They close when this is dropped: nothing more comes through them.
 #[derive(Debug)]
@@ -25,11 +25,12 @@ pub(crate) struct Channels {
 
 impl Channels {
     /// Begins a session called `id`, and advertises the channels of those topics of the plan that are `served`. Viewers are
-    /// told the timeline that these overheads predict.
+    /// told the timeline that these overheads predict. The world is that of the plan, drawn as in `scene`.
     pub(crate) fn open(
         server: &Server,
         id: &str,
         plan: &Plan,
+        scene: Option<(drawn::Schema, Vec<u8>)>,
         overheads: &Overheads,
         served: impl Fn(usize) -> bool,
     ) -> anyhow::Result<Self> {
@@ -44,7 +45,7 @@ impl Channels {
             let of_topic = if served(index) { channels(plan, index)? } else { Vec::new() };
             let mut advertised = Vec::new();
             for channel in of_topic {
-                let raw = server.channel(&channel.name, "protobuf", schema(&channel))?;
+                let raw = server.channel(&channel.name, "protobuf", schema(channel.schema()))?;
                 advertised.push((channel, raw));
             }
             topics.push(advertised);
@@ -60,8 +61,8 @@ impl Channels {
         }
         let text = graph::describe(id, plan, overheads).to_string();
         keep(server.json_channel("/motorium/graph", "motorium.Graph", OBJECT)?, text.into_bytes());
-        if let Some((schema, message)) = world::scene(plan) {
-            keep(server.channel("/world/scene", "protobuf", schema)?, message);
+        if let Some((of_scene, message)) = scene {
+            keep(server.channel(WORLD_SCENE, "protobuf", schema(&of_scene))?, message);
         }
         Ok(Self { topics, latched, message: Vec::with_capacity(16 * 1024) })
     }
@@ -111,8 +112,7 @@ impl Drop for Channels {
     }
 }
 
-fn schema(channel: &Channel) -> Schema {
-    let schema = channel.schema();
+fn schema(schema: &drawn::Schema) -> Schema {
     Schema::new(schema.name.clone(), schema.encoding, schema.data.clone())
 }
 

@@ -50,7 +50,14 @@ pub(crate) fn check(
     let on_page = opened.elapsed().as_secs_f64();
     match (began_ms, state["first_picture_ms"].as_f64()) {
         (Some(began), Some(first)) => {
-            println!("first picture of the robot: {:.2} s after the command", (first - began as f64) * 1e-3);
+            let since = |time: f64| (time - began as f64) * 1e-3;
+            let (asked, first) = (browser.evaluate(ASKED)?.as_f64().map(since), since(first));
+            let asked = asked.unwrap_or(f64::NAN);
+            println!(
+                "first picture of the robot: {first:.2} s after the command; the browser asked for the page after {asked:.2} s, \
+                 and drew it {:.2} s later",
+                first - asked
+            );
         }
         _ => println!("first picture of the robot: {on_page:.2} s after the browser was started"),
     }
@@ -100,6 +107,9 @@ const PAGE: &str = "page";
 const RENDERER: &str = "(() => { const gl = document.createElement('canvas').getContext('webgl2'); \
                         const more = gl.getExtension('WEBGL_debug_renderer_info'); \
                         return gl.getParameter(more ? more.UNMASKED_RENDERER_WEBGL : gl.RENDERER); })()";
+
+/// Expression for the time at which the browser began to load the page, ms since 1970.
+const ASKED: &str = "performance.timeOrigin";
 
 /// Expressions for what the page shows, and for the little of it that a page which still starts is asked for.
 const STATE: &str = "globalThis.motorium ? motorium.state() : null";

@@ -12,6 +12,7 @@ use motorium::region::{Command, Region};
 use motorium::run_folder::RunFolder;
 use motorium::schedule::Overheads;
 use motorium::transport::{Domain, ParameterTable, Tap};
+use motorium_bridges::foxglove::world_scene;
 
 use crate::channels::Channels;
 use crate::server::Server;
@@ -55,7 +56,7 @@ impl Joined {
         );
         let domain = folder.domain()?;
         let parameters = ParameterTable::open(&domain, plan.clone())?;
-        let channels = Channels::open(server, folder.id(), &plan, overheads, |_| true)?;
+        let channels = Channels::open(server, folder.id(), &plan, world_scene(&plan), overheads, |_| true)?;
         let not_before = Instant::now();
         let topics =
             plan.topics.iter().map(|_| Topic { tap: None, not_before, newest: Vec::new() }).collect();

@@ -34,7 +34,6 @@ mod request;
 mod rights;
 mod server;
 mod watch;
-mod world;
 
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

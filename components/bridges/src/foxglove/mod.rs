@@ -20,7 +20,8 @@
 //! | `motorium.Text`, `motorium.Event` | `log` | `foxglove.Log` |
 //! | slices of `u8` of a component that publishes one `motorium.ImageInfo` | `image` | `foxglove.RawImage` |
 //!
-//! Pictures alone have no exact channel.
+//! Pictures alone have no exact channel. The descriptions of robots ([`descriptions`]) and the ground and the objects of the world
+//! ([`world_scene`]) never change.
 //!
 //! [`channels`] gives the channels of a plan:
 //!
@@ -45,6 +46,7 @@ mod fields;
 mod pictures;
 mod robots;
 mod wire;
+mod world;
 
 pub use channels::{Channel, Content, channels};
 pub use derived::{Derived, DerivedError};
@@ -52,6 +54,7 @@ pub use drawn::{Drawing, DrawnError, log};
 pub use pictures::PictureError;
 pub(crate) use robots::load as load_robot;
 pub use robots::{Description, RobotFrames, descriptions, joints_of_topic, robot_of_topic};
+pub use world::{WORLD_SCENE, world_scene};
 
 /// The schema of the messages of a channel.
 ///

@@ -1,6 +1,6 @@
 //! Parquet files: tables by columns, which pandas, polars, DuckDB and LeRobot read.
 //!
-//! A writer of the part of the format that recordings need: columns without missing values, lists and groups of them, no
+//! A writer of the part of the format that recordings need: columns without missing values, lists (of lists) and groups of them, no
 //! compression, one page for each column of a row group. <https://parquet.apache.org/docs/file-format/>
 
 mod thrift;
@@ -57,7 +57,7 @@ pub enum Values {
     List {
         /// Number of entries of the list of each row.
         lengths: Vec<usize>,
-        /// The entries of all lists, one after the other; no lists themselves.
+        /// The entries of all lists, one after the other; they may be lists themselves.
         entries: Box<Values>,
     },
     /// Groups of values with names; neither lists nor groups themselves, as many of each.
@@ -97,6 +97,41 @@ impl Values {
         }
     }
 
+    /// Levels of lists: 0 of plain values, 1 of lists of them.
+    fn depth(&self) -> usize {
+        match self {
+            Self::List { entries, .. } => 1 + entries.depth(),
+            _ => 0,
+        }
+    }
+
+    /// Tells the repetition and definition levels of the next `count` values at a depth, in runs. `first` is the repetition level of
+    /// the first of them, `next` the index of the next value at each depth.
+    fn shred(
+        &self,
+        (count, depth): (usize, usize),
+        first: usize,
+        next: &mut [usize],
+        emit: &mut impl FnMut(usize, usize, usize),
+    ) {
+        let Self::List { lengths, entries } = self else {
+            next[depth] += count;
+            emit(first, depth, count.min(1));
+            emit(depth, depth, count.saturating_sub(1));
+            return;
+        };
+        for place in 0..count {
+            let length = lengths[next[depth]];
+            next[depth] += 1;
+            let repeats = if place == 0 { first } else { depth };
+            match length {
+                // An empty list is an entry, too: one that says that there is none.
+                0 => emit(repeats, depth, 1),
+                _ => entries.shred((length, depth + 1), repeats, next, emit),
+            }
+        }
+    }
+
     /// The values of some rows in the encoding PLAIN.
     fn plain(&self, rows: Range<usize>, out: &mut Vec<u8>) {
         match self {
@@ -130,8 +165,10 @@ impl Column {
             Values::Group(columns) => {
                 columns.iter().map(|column| (vec![name, column.name.as_str()], &column.values)).collect()
             }
-            Values::List { .. } => vec![(vec![name, "list", "element"], &self.values)],
-            values => vec![(vec![name], values)],
+            values => {
+                let levels = core::iter::repeat_n(["list", "element"], values.depth()).flatten();
+                vec![(core::iter::once(name).chain(levels).collect(), values)]
+            }
         }
     }
 }
@@ -195,7 +232,7 @@ pub fn write(
     file.write_all(MAGIC)
 }
 
-/// The tree of columns, flattened: the root, then each column; a list is three levels, a group two.
+/// The tree of columns, flattened: the root, then each column; each level of lists adds two levels, a group one.
 fn schema(columns: &[Column]) -> Vec<Struct> {
     let mut schema = vec![Struct::new().text(4, "schema").i32(5, columns.len() as i64)];
     let group =
@@ -207,16 +244,18 @@ fn schema(columns: &[Column]) -> Vec<Struct> {
             converted.into_iter().fold(leaf, |leaf, converted| leaf.i32(6, converted))
         };
         match values {
-            Values::List { .. } => {
-                schema.push(group(name, 1).i32(6, CONVERTED_LIST));
-                schema.push(Struct::new().i32(3, REPEATED).text(4, "list").i32(5, 1));
-                schema.push(leaf("element", values));
-            }
             Values::Group(columns) => {
                 schema.push(group(name, columns.len()));
                 schema.extend(columns.iter().map(|column| leaf(&column.name, &column.values)));
             }
-            values => schema.push(leaf(name, values)),
+            values => {
+                let names = core::iter::once(name.as_str()).chain(core::iter::repeat("element"));
+                for name in names.clone().take(values.depth()) {
+                    schema.push(group(name, 1).i32(6, CONVERTED_LIST));
+                    schema.push(Struct::new().i32(3, REPEATED).text(4, "list").i32(5, 1));
+                }
+                schema.extend(names.skip(values.depth()).take(1).map(|name| leaf(name, values)));
+            }
         }
     }
     schema
@@ -226,13 +265,16 @@ fn schema(columns: &[Column]) -> Vec<Struct> {
 fn page(values: &Values, rows: Range<usize>) -> (Vec<u8>, usize) {
     let mut body = Vec::new();
     let mut entries = rows.len();
-    if let Values::List { lengths, .. } = values {
-        let lengths = &lengths[rows.clone()];
-        // An empty list is an entry, too: one that says that there is none.
-        entries = lengths.iter().map(|length| (*length).max(1)).sum();
-        let starts = lengths.iter().flat_map(|length| [(false, 1), (true, length.saturating_sub(1))]);
-        levels(starts, &mut body);
-        levels(lengths.iter().map(|length| (*length > 0, (*length).max(1))), &mut body);
+    if values.depth() > 0 {
+        let (mut repetition, mut definition) = (Runs::default(), Runs::default());
+        entries = 0;
+        values.shred((rows.len(), 0), 0, &mut starts(values, rows.start), &mut |repeats, defined, count| {
+            entries += count;
+            repetition.push(repeats, count);
+            definition.push(defined, count);
+        });
+        repetition.end(&mut body);
+        definition.end(&mut body);
     }
     values.plain(rows, &mut body);
     let data = Struct::new().i32(1, entries as i64).i32(2, PLAIN).i32(3, RLE).i32(4, RLE);
@@ -245,25 +287,49 @@ fn page(values: &Values, rows: Range<usize>) -> (Vec<u8>, usize) {
     ([head, body].concat(), entries)
 }
 
-/// Levels of one bit in runs, behind their length in bytes.
-fn levels(runs: impl Iterator<Item = (bool, usize)>, out: &mut Vec<u8>) {
-    let mut encoded = Vec::new();
-    let mut last: Option<(bool, usize)> = None;
-    let mut end = |run: Option<(bool, usize)>| {
-        if let Some((level, count)) = run {
-            thrift::varint((count as u64) << 1, &mut encoded);
-            encoded.push(u8::from(level));
-        }
-    };
-    for (level, count) in runs.filter(|(_, count)| *count > 0) {
-        match &mut last {
+/// The index of the first value of a row at each depth.
+fn starts(values: &Values, row: usize) -> Vec<usize> {
+    let (mut starts, mut values) = (vec![row], values);
+    while let Values::List { lengths, entries } = values {
+        let before = starts.last().copied().unwrap_or(0);
+        starts.push(lengths[..before].iter().sum());
+        values = entries;
+    }
+    starts
+}
+
+/// Levels in runs of equal ones. A level takes a byte, as there are few.
+#[derive(Default)]
+struct Runs {
+    encoded: Vec<u8>,
+    last: Option<(usize, usize)>,
+}
+
+impl Runs {
+    fn push(&mut self, level: usize, count: usize) {
+        match &mut self.last {
+            _ if count == 0 => {}
             Some((same, sum)) if *same == level => *sum += count,
-            _ => end(last.replace((level, count))),
+            _ => {
+                self.close();
+                self.last = Some((level, count));
+            }
         }
     }
-    end(last);
-    out.extend((encoded.len() as u32).to_le_bytes());
-    out.extend(encoded);
+
+    fn close(&mut self) {
+        if let Some((level, count)) = self.last.take() {
+            thrift::varint((count as u64) << 1, &mut self.encoded);
+            self.encoded.push(level as u8);
+        }
+    }
+
+    /// Writes them behind their length in bytes.
+    fn end(mut self, out: &mut Vec<u8>) {
+        self.close();
+        out.extend((self.encoded.len() as u32).to_le_bytes());
+        out.extend(self.encoded);
+    }
 }
 
 /// Entry of the footer for the page of a leaf.
@@ -286,10 +352,27 @@ mod tests {
 
     #[test]
     fn runs_of_equal_levels_are_one_run() {
-        let mut out = Vec::new();
-        levels([(false, 1), (true, 2), (true, 0), (false, 1), (false, 99)].into_iter(), &mut out);
+        let (mut runs, mut out) = (Runs::default(), Vec::new());
+        for (level, count) in [(0, 1), (1, 2), (1, 0), (0, 1), (0, 99)] {
+            runs.push(level, count);
+        }
+        runs.end(&mut out);
         // Lengths are doubled: 1, 2 and 100; the last takes two bytes.
         assert_eq!(out, [7, 0, 0, 0, 2, 0, 4, 1, 200, 1, 0]);
+    }
+
+    /// The levels are those of the paper of Dremel: a level of repetition is that at which the list goes on.
+    #[test]
+    fn lists_of_lists_have_the_level_at_which_they_go_on() {
+        let inner =
+            Values::List { lengths: vec![2, 1, 3], entries: Box::new(Values::Int64((0..6).collect())) };
+        let outer = Values::List { lengths: vec![2, 0, 1], entries: Box::new(inner) };
+        let (mut found, mut next) = (Vec::new(), starts(&outer, 0));
+        outer.shred((3, 0), 0, &mut next, &mut |repeats, defined, count| {
+            found.extend(core::iter::repeat_n((repeats, defined), count));
+        });
+        assert_eq!(found, [(0, 2), (2, 2), (1, 2), (0, 0), (0, 2), (2, 2), (2, 2)]);
+        assert_eq!((next, starts(&outer, 2)), (vec![3, 3, 6], vec![2, 2, 3]));
     }
 
     #[test]

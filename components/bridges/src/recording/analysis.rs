@@ -97,7 +97,8 @@ pub fn analyse(recording: &Recording, plan: &Plan) -> Result<Analysis, ReadError
     let mut sums = pairs(recording, plan);
     let mut begin_ns = u64::MAX;
     let mut end_ns = 0;
-    for sample in recording.sorted()? {
+    for sample in recording.in_order() {
+        let sample = sample?;
         begin_ns = begin_ns.min(sample.time_ns);
         end_ns = end_ns.max(sample.time_ns);
         let of_topic = &mut analysis.topics[sample.topic];

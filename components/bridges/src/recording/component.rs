@@ -10,7 +10,8 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use motorium::declare::{ClockKind, Taps};
+use motorium::declare::{ClockKind, Taps, TopicPattern};
+use motorium::plan::Plan;
 use motorium::prelude::*;
 use motorium::telemetry::set_apart;
 use motorium::units::TimeSpan;
@@ -20,8 +21,11 @@ use super::recorder::Recorder;
 use super::settings::Settings;
 use super::threads;
 
-/// Time between two looks at the topics, at most a quarter of what the taps bridge.
-const POLL: Duration = Duration::from_millis(5);
+/// Longest time between two looks at the topics. Each look takes the processor from others and the lines of what was published from
+/// the cache of its writer: they are few.
+const POLL: Duration = Duration::from_millis(50);
+/// Time between two looks at topics of which nobody knows how soon their memory is full.
+const OFTEN: Duration = Duration::from_millis(5);
 
 /// Configuration of `log.record`.
 ///
@@ -44,8 +48,8 @@ pub struct RecordConfig {
     /// Default 20 ms.
     #[serde(default = "drawn_every")]
     pub drawn_every: TimeSpan,
-    /// Time for which the recorder may be held up before samples are lost, 1 ms to 10 s: the graph keeps so many of each state.
-    /// Default 200 ms.
+    /// Time for which the graph keeps values of each state, 1 ms to 10 s. The recorder looks four times within it, at least every 50 ms:
+    /// held up for longer than what is left, it loses samples. Default 200 ms.
     #[serde(default = "bridges")]
     pub bridges: TimeSpan,
     /// Time before the end of a run that ends badly, by an error, which is kept in memory and written then; after a good run no
@@ -100,6 +104,10 @@ impl Component for Record {
             let found = format!("{}, expected 1 ms to 10 s", config.bridges);
             return Err(ConfigError::key("bridges", found));
         }
+        if config.last.is_some_and(|last| last.ns == 0) {
+            let found = "0 s, in which nothing is published";
+            return Err(ConfigError::key("last", found).advise("name a time such as \"30 s\""));
+        }
         let steps_record = declare.clock() == ClockKind::Lockstep;
         if steps_record && declare.period().is_some_and(|period| period > config.bridges.into()) {
             let found = format!("{}, less than a period of the component", config.bridges);
@@ -131,7 +139,7 @@ impl Component for Record {
             let (recorder, _) = Recorder::open(observer, settings).map_err(ConfigureError::failed)?;
             return Ok(Self { output, recorder: Some(recorder), outcome });
         }
-        let poll = POLL.min(Duration::from(config.bridges) / 4);
+        let poll = poll(bridged(observer.plan(), &settings.taps), config.bridges.into());
         let (sender, receiver) = crossbeam_channel::bounded(1);
         let (reading, writing) = threads::link();
         let told = outcome.clone();
@@ -196,5 +204,42 @@ impl Record {
             self.recorder = None;
             note(&self.outcome, Some(counts), Err(error));
         }
+    }
+}
+
+/// The shortest time after which a topic overwrites what it has published.
+fn bridged(plan: &Plan, taps: &Taps) -> Option<Duration> {
+    let of_topics = plan.topics.iter().filter(|topic| taps.includes(&topic.name)).map(|topic| {
+        let values = match topic.pattern {
+            TopicPattern::State => topic.history,
+            TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => capacity,
+        };
+        Duration::from_nanos(plan.components[topic.writer].period_ns().saturating_mul(values as u64))
+    });
+    of_topics.min()
+}
+
+/// Time between two looks: four before a value is overwritten, and four within the time that the recorder may be held up.
+fn poll(bridged: Option<Duration>, bridges: Duration) -> Duration {
+    let often = OFTEN.min(bridges / 4);
+    (bridged.unwrap_or(bridges).min(bridges) / 4).clamp(often, POLL.max(often))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn topics_are_looked_at_four_times_before_a_value_is_overwritten_and_no_oftener_than_that() {
+        let looks = |bridged: u64, bridges: u64| {
+            poll(Some(Duration::from_millis(bridged)), Duration::from_millis(bridges)).as_micros()
+        };
+        assert_eq!(looks(200, 200), 50_000);
+        assert_eq!(looks(5_000, 5_000), 50_000, "a page that looks at the file sees it grow");
+        assert_eq!(looks(66, 200), 16_500, "a camera with room for two pictures");
+        assert_eq!(looks(4, 200), 5_000, "what comes so fast may be lost; the processor is left to others");
+        assert_eq!(looks(200, 8), 2_000);
+        assert_eq!(looks(0, 1), 250, "a topic without a known period");
+        assert_eq!(poll(None, Duration::from_millis(200)), POLL, "nothing is recorded");
     }
 }

@@ -93,16 +93,6 @@ impl Recording {
         Entries::new(self)
     }
 
-    /// All samples in the order of their times.
-    ///
-    /// # Errors
-    /// A message is damaged.
-    pub fn sorted(&self) -> Result<Vec<RecordedSample>, ReadError> {
-        let mut samples = self.samples().collect::<Result<Vec<_>, _>>()?;
-        samples.sort_by_key(|sample| sample.time_ns);
-        Ok(samples)
-    }
-
     /// The newest sample of each topic and the newest picture of each camera at a time, and those that come after it, in the
     /// order of the file. What lies before is passed over without being decoded.
     ///

@@ -1,4 +1,4 @@
-//! The beginning of a file: facts of the run, its plan, machine and graph, and the descriptions of its robots.
+//! The beginning of a file: facts of the run, its plan, machine and graph, the descriptions of its robots, and its world.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use motorium::plan::Plan;
 use super::file::Writer;
 use super::settings::{Settings, unix_ns};
 use super::{PLAN, RUN, machine};
-use crate::foxglove::descriptions;
+use crate::foxglove::{WORLD_SCENE, descriptions, world_scene};
 
 /// Writes it; its times are those of the start.
 pub(super) fn head(
@@ -46,6 +46,10 @@ pub(super) fn head(
         }
         let id = writer.channel(&description.topic, &description.schema(), &BTreeMap::new())?;
         writer.message(id, 1, (start_ns, start_ns), &description.encode())?;
+    }
+    if let Some((schema, message)) = world_scene(plan) {
+        let id = writer.channel(WORLD_SCENE, &schema, &BTreeMap::new())?;
+        writer.message(id, 1, (start_ns, start_ns), &message)?;
     }
     Ok(())
 }

@@ -24,6 +24,7 @@ mod file;
 mod head;
 mod lerobot;
 mod machine;
+mod order;
 mod outcome;
 mod reader;
 mod recorder;
@@ -47,6 +48,7 @@ pub use entries::{Entries, Entry, Images, RecordedPicture, RecordedSample, Sampl
 pub use lerobot::{
     Camera, Dataset, DatasetCounts, DatasetError, usual_cameras, usual_signals, write_lerobot,
 };
+pub use order::InOrder;
 pub use reader::{ReadError, RecordedPictures, RecordedTopic, Recording};
 pub use recover::{Recovered, recover};
 pub use replaced::{ease_in, loggers, replaced, replayed};

@@ -2,13 +2,14 @@
 
 #![allow(unsafe_code)] // a file is mapped rather than read: recordings are larger than memory
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use mcap::McapError;
-use mcap::read::{ChunkFlattener, Options};
-use mcap::records::Record;
+use mcap::read::{ChunkFlattener, LinearReader, Options};
+use mcap::records::{ChunkHeader, Record};
 use memmap2::Mmap;
 use motorium::plan::Plan;
 use motorium::state::TypeLayout;
@@ -41,9 +42,14 @@ pub struct Recording {
     /// Kind of the messages of each channel, by the number of the channel.
     pub(super) of_channel: BTreeMap<u16, Source>,
     attachments: Vec<(String, Vec<u8>)>,
+    /// The last message of each channel that belongs to no topic.
+    latched: BTreeMap<String, Vec<u8>>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     is_whole: bool,
     times: Option<(u64, u64)>,
+    /// Longest time by which a message lies before one that stands before it in the file, ns.
+    pub(super) disorder_ns: u64,
+    damaged: Vec<(u64, u64)>,
 }
 
 /// A topic of a recording.
@@ -88,8 +94,14 @@ impl RecordedTopic {
 fn told(error: &McapError) -> String {
     match error {
         McapError::BadMagic => "this is no recording, which is an MCAP file".to_owned(),
+        McapError::Io(error) => error.to_string(),
         other => other.to_string(),
     }
+}
+
+/// What is wrong with a file that ends before it holds anything.
+pub(super) fn cut_off(bytes: usize) -> String {
+    format!("it is cut off after {bytes} bytes, before anything was recorded")
 }
 
 /// The error of reading a recording. Its words hold those of its reason, which is therefore not its source as well.
@@ -165,11 +177,15 @@ impl Recording {
             pictures: Vec::new(),
             of_channel: BTreeMap::new(),
             attachments: Vec::new(),
+            latched: BTreeMap::new(),
             metadata: BTreeMap::new(),
             is_whole: false,
             times: None,
+            disorder_ns: 0,
+            damaged: Vec::new(),
         };
         this.scan()?;
+        this.damaged = this.damaged_chunks();
         Ok(this)
     }
 
@@ -187,6 +203,8 @@ impl Recording {
         let (mut pictures, mut of_pictures) = (Vec::<RecordedPictures>::new(), None);
         let (mut attachments, mut metadata, mut is_whole) = (Vec::new(), BTreeMap::new(), false);
         let (mut began, mut times) = (false, None::<(u64, u64)>);
+        let mut disorder_ns = 0;
+        let (mut of_no_topic, mut latched) = (BTreeMap::new(), BTreeMap::new());
         for record in self.records()? {
             let record = match record {
                 Ok(record) => record,
@@ -205,6 +223,9 @@ impl Recording {
                         pictures.push(RecordedPictures { topic, channel, count: 0 });
                         continue;
                     }
+                    if topic.is_none() {
+                        of_no_topic.insert(channel.id, channel.topic.clone());
+                    }
                     let Some(layout) = channel.metadata.get(LAYOUT) else { continue };
                     let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
                     let layout: TypeLayout =
@@ -214,7 +235,10 @@ impl Recording {
                     let name = topic.unwrap_or(&channel.topic).clone();
                     topics.push(RecordedTopic { name, layout, samples: 0, derived });
                 }
-                Record::Message { header, .. } => {
+                Record::Message { header, data } => {
+                    if let Some(name) = of_no_topic.get(&header.channel_id) {
+                        latched.insert(name.clone(), data.into_owned());
+                    }
                     if let Some(source) = of_channel.get(&header.channel_id) {
                         match *source {
                             Source::Topic(topic) => topics[topic].samples += 1,
@@ -222,6 +246,7 @@ impl Recording {
                         }
                         let (first, last) = times.unwrap_or((header.log_time, header.log_time));
                         times = Some((first.min(header.log_time), last.max(header.log_time)));
+                        disorder_ns = disorder_ns.max(last.saturating_sub(header.log_time));
                     }
                 }
                 Record::Attachment { header, data, .. } => {
@@ -235,14 +260,51 @@ impl Recording {
             }
         }
         (self.topics, self.pictures, self.of_channel) = (topics, pictures, of_channel);
-        (self.attachments, self.metadata) = (attachments, metadata);
-        (self.is_whole, self.times) = (is_whole, times);
+        (self.attachments, self.metadata, self.latched) = (attachments, metadata, latched);
+        (self.is_whole, self.times, self.disorder_ns) = (is_whole, times, disorder_ns);
         Ok(())
+    }
+
+    /// The times of the first and the last message of each chunk whose bytes are not those that were written.
+    fn damaged_chunks(&self) -> Vec<(u64, u64)> {
+        let records = LinearReader::new_with_options(&self.map, Options::IgnoreEndMagic.into());
+        let chunks = records.into_iter().flatten().map_while(Result::ok).filter_map(|record| match record {
+            Record::Chunk { header, data } => Some((header, data)),
+            _ => None,
+        });
+        let is_damaged = |(header, data): &(ChunkHeader, Cow<'_, [u8]>)| {
+            let is_checked = header.uncompressed_crc != 0 && header.compression.is_empty();
+            is_checked && crc32fast::hash(data) != header.uncompressed_crc
+        };
+        let times = |(header, _): (ChunkHeader, _)| (header.message_start_time, header.message_end_time);
+        chunks.filter(is_damaged).map(times).collect()
     }
 
     /// True if the file has its end: its writer was not interrupted.
     pub fn is_whole(&self) -> bool {
         self.is_whole
+    }
+
+    /// Faults of the file in spite of which it can be read: its end is missing, or bytes of it are not those that were written.
+    pub fn faults(&self) -> Vec<String> {
+        let mut faults = Vec::new();
+        if !self.is_whole {
+            faults.push(
+                "has no end: what there is of it is read (`motorium recover` gives it one)".to_string(),
+            );
+        }
+        if let (Some((from, _)), Some((_, to))) = (self.damaged.first(), self.damaged.last()) {
+            let begin = self.times.map_or(0, |(first, _)| first);
+            let since = |time: &u64| time.saturating_sub(begin) as f64 * 1e-9;
+            let count = self.damaged.len();
+            let chunks = if count == 1 { "chunk" } else { "chunks" };
+            faults.push(format!(
+                "is damaged: {count} {chunks} of it, between {:.3} s and {:.3} s, differ from what was written",
+                since(from),
+                since(to)
+            ));
+        }
+        faults
     }
 
     /// Times of the first and the last sample, as [`RecordedSample::time_ns`](super::RecordedSample::time_ns); `None` if there is no sample.
@@ -276,6 +338,11 @@ impl Recording {
         self.attachments.iter().find(|(known, _)| known == name).map(|(_, content)| content.as_slice())
     }
 
+    /// The last message of a channel that belongs to no topic, such as [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE).
+    pub fn latched(&self, channel: &str) -> Option<&[u8]> {
+        self.latched.get(channel).map(Vec::as_slice)
+    }
+
     /// Names of the attachments.
     pub fn attachments(&self) -> impl Iterator<Item = &str> {
         self.attachments.iter().map(|(name, _)| name.as_str())
@@ -297,7 +364,11 @@ impl Recording {
     /// The file holds none that this version reads.
     pub fn plan(&self) -> Result<Plan, ReadError> {
         let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
-        let text = self.attachment(PLAN).ok_or_else(|| foreign(format!("it has no attachment `{PLAN}`")))?;
+        let missing = || match (self.is_whole, self.fact("version")) {
+            (false, None) => ReadError::Missing { path: self.path.clone(), reason: cut_off(self.map.len()) },
+            _ => foreign(format!("it has no attachment `{PLAN}`")),
+        };
+        let text = self.attachment(PLAN).ok_or_else(missing)?;
         serde_json::from_slice(text).map_err(|error| foreign(error.to_string()))
     }
 }

@@ -10,6 +10,7 @@ use mcap::records::Record;
 use mcap::{Attachment, McapError, WriteOptions};
 
 use super::ReadError;
+use super::reader::cut_off;
 
 /// Counts of what was recovered of a torn file.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -31,7 +32,7 @@ pub struct Recovered {
 /// ```
 ///
 /// # Errors
-/// One of the files cannot be read or written, or the first is no MCAP file.
+/// One of the files cannot be read or written, or the first is no MCAP file or ends before it holds anything.
 pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     let format = |path: &Path| {
         let path = path.to_path_buf();
@@ -51,8 +52,20 @@ pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
     {
         return Err(format(torn)(error));
     }
+    let again = ChunkFlattener::new_with_options(&source, Options::IgnoreEndMagic.into());
+    let mut readable = again.map_err(format(torn))?.map_while(Result::ok);
+    if !readable.any(|record| !matches!(record, Record::Header(_))) {
+        let reason = if source.is_empty() { "it is empty".to_string() } else { cut_off(source.len()) };
+        return Err(ReadError::Missing { path: torn.to_path_buf(), reason });
+    }
     let file = File::create(whole).map_err(io(whole))?;
-    let recovered = copy(records, file).map_err(format(whole))?;
+    let recovered = copy(records, file).map_err(|error| {
+        // Part of a recording with an end would look like all of it. What is no file, such as a device, stays.
+        if std::fs::symlink_metadata(whole).is_ok_and(|there| there.is_file()) {
+            let _ = std::fs::remove_file(whole);
+        }
+        format(whole)(error)
+    })?;
     let lost_bytes = if recovered.was_whole { 0 } else { unread(&source) };
     Ok(Recovered { lost_bytes, ..recovered })
 }

@@ -122,6 +122,14 @@ pub enum SignalsError {
         /// The entries that were asked for.
         entries: Range<usize>,
     },
+    /// A field that holds no numbers.
+    #[error(
+        "`{name}` has no numbers in this recording: it is a text, or an array of which no entry was in use"
+    )]
+    NoNumbers {
+        /// The topic and the field.
+        name: String,
+    },
     /// The recording has no sample of a topic.
     #[error("the recording has no sample of topic `{0}`")]
     NoSample(String),
@@ -203,6 +211,9 @@ pub fn curves(recording: &Recording, signals: &[Signal]) -> Result<Vec<Curve>, S
     for (signal, _, _, _, most) in &wanted {
         match (most, &signal.entries, &signal.field) {
             (None, ..) => return Err(SignalsError::NoSample(signal.topic.clone())),
+            (Some(0), _, Some(field)) => {
+                return Err(SignalsError::NoNumbers { name: format!("{}.{field}", signal.topic) });
+            }
             (Some(most), Some(entries), Some(field)) if entries.end > *most => {
                 let name = format!("{}.{field}", signal.topic);
                 return Err(SignalsError::NoEntry { name, most: *most, entries: entries.clone() });

@@ -179,6 +179,34 @@ fn a_ball_that_moves_is_told_where_it_is_now_with_its_velocity() {
 }
 
 #[test]
+fn a_camera_sees_objects_of_a_world_of_mjcf_in_their_colours() {
+    let file = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("camera-yard.xml");
+    let text = r#"<mujoco><asset><material name="red" rgba="0.9 0.05 0.05 1"/></asset><worldbody>
+      <geom type="plane" size="0 0 1" rgba="0.05 0.8 0.05 1"/>
+      <geom name="post" type="box" size="0.1 0.1 0.1" pos="0.6 0 0.5" material="red"/>
+    </worldbody></mujoco>"#;
+    std::fs::write(&file, text).unwrap();
+    let text = format!(
+        "mount = {{ frame = \"world\", position = [3.0, 0.0, 0.5], rpy = [0.0, 0.0, 3.14159265] }}, \
+         sees_robot = false, world = {{ file = \"{}\" }}",
+        file.display()
+    );
+    let camera = Instance::of::<AlongRays<Camera>>("camera")
+        .rate("50 Hz")
+        .robot("arm")
+        .publish("image", "image")
+        .publish("info", "info")
+        .set("config", config(&text));
+    let keeper = Instance::of::<Keeper>("keeper").trigger("image").subscribe("image", "image");
+    let report = Graph::new("camera").robot("arm", "panda").with(camera).with(keeper).run("100 ms").unwrap();
+    let pixels = pixels(&report.results["keeper"]["last"]);
+    let count = |is: &dyn Fn([u64; 3]) -> bool| pixels.iter().filter(|pixel| is(**pixel)).count();
+    let (red, green) =
+        (count(&|[r, g, b]| r > 3 * g && r > 3 * b), count(&|[r, g, b]| g > 3 * r && g > 3 * b));
+    assert!(red > 50 && green > 1000, "{red} red and {green} green of {} pixels", pixels.len());
+}
+
+#[test]
 fn a_thing_at_rest_stays_in_its_place_while_the_hand_that_carries_the_camera_swings() {
     let swing = Source::new("joints", "joints", |tick: &Tick| {
         let mut state = JointState::default();

@@ -14,6 +14,7 @@ use iceoryx2_cal::named_concept::{
 use iceoryx2_cal::shared_memory::{SharedMemory as _, SharedMemoryBuilder as _};
 use iceoryx2_cal::shm_allocator::bump_allocator::{self, BumpAllocator};
 
+use super::in_use::InUse;
 use super::notify::{self, Futex};
 use super::protocol::{Head, Newest, Pin, Reuse, Words, newest};
 use crate::atomics::Native;
@@ -51,7 +52,7 @@ struct Preface {
 /// The words before each value.
 #[derive(Debug)]
 #[repr(C, align(64))]
-struct Slot {
+pub(super) struct Slot {
     mark: AtomicU64,
     stamp: Stamp,
 }
@@ -146,6 +147,7 @@ impl TopicPlan {
 pub(crate) struct TopicMemory {
     base: NonNull<u8>,
     dimensions: Dimensions,
+    in_use: InUse,
     _storage: Storage,
 }
 
@@ -159,7 +161,7 @@ impl TopicMemory {
             .size(dimensions.bytes().saturating_add(PAGE))
             .create(&bump_allocator::Config::default())
             .map_err(|error| refuse(&error))?;
-        let memory = Self::map(storage, dimensions).ok_or_else(|| refuse(&"it is too small"))?;
+        let memory = Self::map(storage, topic).ok_or_else(|| refuse(&"it is too small"))?;
         memory.reserve().map_err(|error| refuse(&error))?;
         memory.preface().dimensions.store(dimensions.hash(topic), Relaxed);
         memory.preface().magic.store(MAGIC, Release);
@@ -172,7 +174,7 @@ impl TopicMemory {
         let dimensions = Dimensions::of(topic);
         let storage =
             builder(node, topic, &refuse)?.open(AccessMode::ReadWrite).map_err(|error| refuse(&error))?;
-        let memory = Self::map(storage, dimensions).ok_or_else(|| refuse(&"it was cut short"))?;
+        let memory = Self::map(storage, topic).ok_or_else(|| refuse(&"it was cut short"))?;
         let preface = memory.preface();
         if preface.magic.load(Acquire) != MAGIC || preface.dimensions.load(Relaxed) != dimensions.hash(topic)
         {
@@ -183,12 +185,14 @@ impl TopicMemory {
         Ok(memory)
     }
 
-    fn map(storage: Storage, dimensions: Dimensions) -> Option<Self> {
+    fn map(storage: Storage, topic: &TopicPlan) -> Option<Self> {
+        let dimensions = Dimensions::of(topic);
         let address = storage.payload_start_address();
         let base = address.next_multiple_of(align_of::<Pin<Native>>());
         let fits = storage.size() >= (base - address).saturating_add(dimensions.bytes());
         let base = NonNull::new(core::ptr::with_exposed_provenance_mut::<u8>(base)).filter(|_| fits)?;
-        Some(Self { base, dimensions, _storage: storage })
+        let in_use = InUse::of(&topic.layout, dimensions.value);
+        Some(Self { base, dimensions, in_use, _storage: storage })
     }
 
     /// Has the system find every page now.
@@ -210,7 +214,7 @@ impl TopicMemory {
     }
 
     #[inline]
-    fn slot(&self, slot: usize) -> *mut Slot {
+    pub(super) fn slot(&self, slot: usize) -> *mut Slot {
         assert!(slot < self.dimensions.slots, "a topic's words name a slot that it does not have");
         // SAFETY: in bounds of the mapping by the assertion; aligned, since the slots begin at a multiple of a cache line
         // and so does each of them.
@@ -238,10 +242,10 @@ impl TopicMemory {
         self.dimensions.size
     }
 
-    /// The slot as the range of bytes that an access touches.
+    /// The parts of its slots that are in use.
     #[inline]
-    pub(crate) fn range(&self, slot: usize) -> (*const u8, usize) {
-        (self.slot(slot).cast(), self.dimensions.value + self.dimensions.size)
+    pub(super) fn in_use(&self) -> &InUse {
+        &self.in_use
     }
 
     /// The newest publication.

@@ -17,6 +17,7 @@
 //! A [`Tap`] reads each publication in order from the slots behind the newest, at no cost to the writer. A topic with a
 //! `history` keeps that many values for taps; what a tap misses is counted.
 
+mod in_use;
 mod memory;
 pub(crate) mod notify;
 pub(crate) mod protocol;

@@ -99,12 +99,14 @@ pub(crate) enum Reuse {
     /// All free ones at once. A slot that is free stays free until it is published, so the writer looks at the pins, which
     /// takes their cache lines away from the readers, once in several publications.
     Several,
-    /// The one that was filled longest ago, one at a time: taps find the values before.
+    /// Those that were filled longest ago: taps find the values before. Of many slots several are taken at once.
     Oldest,
 }
 
 /// Largest number of slots that a writer takes at once.
 const TAKEN: usize = 8;
+/// Slots that a topic with a history has at least for each of them that is taken at once.
+const MANY: usize = 16;
 
 /// The writing side of a topic. There is one at a time.
 #[derive(Debug)]
@@ -161,7 +163,12 @@ impl Writer {
     /// Takes slots for the next publications; at least one.
     #[cold]
     fn take<A: Atomics>(&mut self, words: &impl Words<A>) {
-        let wanted = if self.reuse == Reuse::Several { TAKEN } else { 1 };
+        let wanted = match self.reuse {
+            Reuse::First => 1,
+            Reuse::Several => TAKEN,
+            // Slots that are taken hold nothing for taps: few of many, and no more than there are beyond the history.
+            Reuse::Oldest => (words.slots() / MANY).clamp(1, TAKEN.min(words.pins().len() + 1)),
+        };
         // Pins as they are seen in passing spare a fence for each slot that is taken.
         let seems_free = |slot: usize| !is_pinned::<A>(words.pins(), slot, Relaxed);
         let mut strict = false;
@@ -173,6 +180,10 @@ impl Writer {
             }
             // With two slots more than pins one is free; a pin seen in passing may be out of date.
             strict = true;
+        }
+        if self.reuse == Reuse::Oldest {
+            // A tap finds the next value in the next slot.
+            self.taken[..self.count].reverse();
         }
     }
 

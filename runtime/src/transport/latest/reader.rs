@@ -65,9 +65,10 @@ impl StateReader {
     #[inline]
     pub(crate) fn look(&mut self) -> bool {
         let memory = &*self.memory;
+        // The value that is still pinned: the next one is as long, as a rule.
+        let like = (self.seen() > 0).then_some(self.pinned.slot());
         let fetch = |slot| {
-            let (first, bytes) = memory.range(slot);
-            prefetch_read(first, bytes);
+            memory.fetch(slot, like, prefetch_read);
         };
         match pin_newest(memory, self.pin(), self.pinned.number(), fetch) {
             Some(pinned) => {

@@ -87,9 +87,10 @@ impl StateWriter {
             return None;
         }
         let slot = self.writer.borrow_mut().slot(&*self.memory);
-        let (first, bytes) = self.memory.range(slot);
-        prefetch_write(first, bytes);
-        Some(first)
+        // It will be as long as the one before, as a rule.
+        let newest = self.memory.newest();
+        let like = (newest.number() > 0 && newest.slot() != slot).then_some(newest.slot());
+        Some(self.memory.fetch(slot, like, prefetch_write))
     }
 }
 

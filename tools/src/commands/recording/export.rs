@@ -69,7 +69,7 @@ enum Format {
 
 impl Export {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let recording = Recording::open(&self.file)?;
+        let recording = super::opened(&self.file)?;
         let folder = self.output.clone().unwrap_or_else(|| self.file.with_extension(""));
         if self.format == Format::Lerobot {
             anyhow::ensure!(

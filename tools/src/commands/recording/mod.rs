@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use motorium::os::random_bytes;
 use motorium::units::TimeSpan;
+use motorium_bridges::recording::Recording;
 
 pub(super) use export::Export;
 pub(super) use page::Report;
@@ -23,7 +24,17 @@ pub(super) use recover::Recover;
 pub(super) use replay::Replay;
 pub(super) use score::Score;
 
-use crate::overheads;
+use crate::out::errln;
+use crate::{overheads, style};
+
+/// Opens a recording, and warns of what is missing or damaged.
+fn opened(file: &Path) -> anyhow::Result<Recording> {
+    let recording = Recording::open(file)?;
+    for fault in recording.faults() {
+        errln!("{} {} {fault}", style::warning("warning:"), file.display());
+    }
+    Ok(recording)
+}
 
 /// Name of the component that `motorium run --record` adds.
 const RECORDER: &str = "recorder";

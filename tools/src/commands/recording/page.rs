@@ -36,7 +36,7 @@ pub(crate) struct Report {
 
 impl Report {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let recording = Recording::open(&self.file)?;
+        let recording = super::opened(&self.file)?;
         let plan = recording.plan()?;
         let analysis = analyse(&recording, &plan)?;
         let output = self.output.unwrap_or_else(|| self.file.with_extension("html"));

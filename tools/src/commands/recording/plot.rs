@@ -40,14 +40,20 @@ pub(crate) struct Plot {
 
 impl Plot {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let recording = Recording::open(&self.file)?;
+        let recording = super::opened(&self.file)?;
         let end = self.to.unwrap_or(f64::INFINITY);
         let mut curves = curves(&recording, &self.signals)?;
+        let last = curves.iter().filter_map(|curve| curve.points.last()).map(|(time, _)| *time);
+        let last = last.fold(0.0, f64::max);
         for curve in &mut curves {
             curve.points.retain(|(time, _)| (self.from..=end).contains(time));
         }
         curves.retain(|curve| !curve.points.is_empty());
-        anyhow::ensure!(!curves.is_empty(), "no sample of these signals lies in this time");
+        anyhow::ensure!(
+            !curves.is_empty(),
+            "no sample of these signals lies from {} s to {end} s; the last one is at {last:.3} s",
+            self.from
+        );
         let series = curves.iter().map(|curve| Series {
             name: label(&recording, curve, &self.signals),
             points: curve.thinned(POINTS).into_iter().map(|(time, value)| [time, value, 0.0]).collect(),

@@ -76,14 +76,7 @@ pub(crate) struct Replay {
 
 impl Replay {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let recording = Recording::open(&self.file)?;
-        if !recording.is_whole() {
-            errln!(
-                "{} {} has no end: what there is of it is replayed",
-                style::warning("warning:"),
-                self.file.display()
-            );
-        }
+        let recording = super::opened(&self.file)?;
         if self.verify { self.verify(&recording) } else { self.publish(&recording) }
     }
 

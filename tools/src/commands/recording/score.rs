@@ -3,13 +3,10 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use motorium_bridges::recording::{
-    JointScore, JointsScore, PoseScore, Recording, Score as Scored, Tolerance, score,
-};
+use motorium_bridges::recording::{JointScore, JointsScore, PoseScore, Score as Scored, Tolerance, score};
 
-use crate::out::{errln, out, outln};
+use crate::out::{out, outln};
 use crate::report::decimal;
-use crate::style;
 
 /// Compute from a recording what a run has reached: goals, path errors, tracking errors, limits, smoothness.
 ///
@@ -41,12 +38,8 @@ fn tolerance(text: &str) -> Result<f64, String> {
 
 impl Score {
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
-        let recording = Recording::open(&self.file)?;
+        let recording = super::opened(&self.file)?;
         let plan = recording.plan()?;
-        if !recording.is_whole() {
-            let file = self.file.display();
-            errln!("{} {file} has no end: what there is of it is scored", style::warning("warning:"));
-        }
         let tolerance =
             Tolerance { position: self.position_tolerance, orientation: self.orientation_tolerance };
         let scored = score(&recording, &plan, tolerance)?;

@@ -10,8 +10,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use foxglove::RawChannel;
+use foxglove::messages::SceneUpdate;
 use motorium::declare::TopicPattern;
 use motorium::plan::Plan;
+use motorium_bridges::foxglove::{Schema, WORLD_SCENE, world_scene};
 use motorium_bridges::recording::{Entries, Entry, ReadError, Recording};
 use serde_json::json;
 
@@ -116,7 +118,12 @@ impl<'r> Playback<'r> {
         let id = recording.path().display().to_string();
         let overheads = request.overheads.unwrap_or_default();
         let is_recorded = |index: usize| topics.contains(&Some(index)) || pictures.contains(&Some(index));
-        let channels = Channels::open(server, &id, &plan, &overheads, is_recorded)?;
+        // Its files may have gone or changed since.
+        let scene = match recording.latched(WORLD_SCENE) {
+            Some(message) => Some((Schema::of::<SceneUpdate>(), message.to_vec())),
+            None => world_scene(&plan),
+        };
+        let channels = Channels::open(server, &id, &plan, scene, &overheads, is_recorded)?;
         let count = plan.topics.len();
         let (rest, later) = (recording.entries(), None);
         let (newest, changed) = (vec![None; count], vec![false; count]);

@@ -1,5 +1,7 @@
 //! The frames of a dataset: signals of a recording at a fixed rate.
 
+use std::iter::Peekable;
+
 use motorium::nearest::suggest;
 use motorium::state::Decoder;
 
@@ -85,24 +87,26 @@ impl Frames {
                 sources.push(Source::new(recording, what, signal)?);
             }
         }
-        let samples = recording.sorted().map_err(SignalsError::from)?;
-        let begin_ns = samples.first().map_or(0, |sample| sample.time_ns);
-        let samples =
-            samples.iter().filter(|sample| sources.iter().any(|source| source.topic == sample.topic));
-        let samples: Vec<&RecordedSample> = samples.collect();
+        let begin_ns = recording.times().map_or(0, |(first, _)| first);
+        let topics: Vec<usize> = sources.iter().map(|source| source.topic).collect();
+        let is_wanted = |sample: &RecordedSample| topics.contains(&sample.topic);
+        let samples = recording.in_order().filter(|sample| sample.as_ref().map_or(true, is_wanted));
+        let mut samples = samples.map(|sample| sample.map_err(SignalsError::from)).peekable();
         let mut frames = Self { pictures: Pictures::of(recording, &dataset.cameras)?, ..Self::default() };
-        for episode in samples.chunk_by(|a, b| a.stamp.episode == b.stamp.episode) {
-            frames.episode(episode, &mut sources, dataset.fps, begin_ns)?;
+        while samples.peek().is_some() {
+            frames.episode(&mut samples, &mut sources, dataset.fps, begin_ns)?;
         }
-        for pictures in &mut frames.pictures {
-            pictures.read(recording, &frames.times_ns)?;
+        let Self { pictures, times_ns, lengths, .. } = &mut frames;
+        for of_camera in pictures {
+            of_camera.read(recording, times_ns, lengths)?;
         }
         Ok(frames)
     }
 
+    /// Takes the frames of the episode to which the next samples belong.
     fn episode(
         &mut self,
-        samples: &[&RecordedSample],
+        samples: &mut Peekable<impl Iterator<Item = Result<RecordedSample, SignalsError>>>,
         sources: &mut [Source],
         fps: u32,
         begin_ns: u64,
@@ -110,19 +114,27 @@ impl Frames {
         sources.iter_mut().for_each(|source| source.newest = None);
         let before = self.timestamp.len();
         let mut first_ns = None;
-        let begun_ns = samples.first().map_or(0, |sample| sample.time_ns);
+        let Some(Ok(first)) = samples.peek() else {
+            return samples.next().map_or(Ok(()), |failed| Ok(failed.map(drop)?));
+        };
+        let (number, begun_ns) = (first.stamp.episode, first.time_ns);
+        let in_episode = |sample: &Result<RecordedSample, SignalsError>| {
+            sample.as_ref().map_or(true, |sample| sample.stamp.episode == number)
+        };
         let pictured = self.pictures.iter().map(|pictures| pictures.first_from(begun_ns).unwrap_or(u64::MAX));
         let pictured_ns = pictured.max().unwrap_or(0);
         // In whole nanoseconds from the first frame on: a rate that does not divide a second does not drift.
         let frame_ns = |first_ns: u64, index: usize| {
             first_ns + (index as u128 * 1_000_000_000 / u128::from(fps.max(1))) as u64
         };
-        for (place, sample) in samples.iter().enumerate() {
+        while let Some(sample) = samples.next_if(in_episode) {
+            let sample = sample?;
             for source in sources.iter_mut().filter(|source| source.topic == sample.topic) {
-                source.take(sample)?;
+                source.take(&sample)?;
             }
             // A sample at the very time of a frame is in it: what comes at one time comes first.
-            let next_ns = samples.get(place + 1).map_or(sample.time_ns + 1, |next| next.time_ns);
+            let next = samples.peek().filter(|next| in_episode(next)).and_then(|next| next.as_ref().ok());
+            let next_ns = next.map_or(sample.time_ns + 1, |next| next.time_ns);
             let is_whole = sources.iter().all(|source| source.newest.is_some()) && pictured_ns < next_ns;
             if next_ns == sample.time_ns || !is_whole {
                 continue;

@@ -6,7 +6,7 @@
 //! | `meta/info.json` | version, rate, counts, features with the names of their numbers |
 //! | `meta/stats.json` | least, greatest, mean, standard deviation, quantiles and count of each feature |
 //! | `meta/tasks.parquet` | the task in words |
-//! | `meta/episodes/chunk-000/file-000.parquet` | first frame, end, length and statistics of each episode; those of pictures stand for the whole in `stats.json` |
+//! | `meta/episodes/chunk-000/file-000.parquet` | first frame, end, length and statistics of each episode |
 //!
 //! <https://huggingface.co/docs/lerobot/lerobot-dataset-v3>
 
@@ -167,7 +167,9 @@ pub fn write_lerobot(
     let groups =
         lengths.iter().flat_map(|length| (0..*length).step_by(most).map(move |at| (length - at).min(most)));
     table(folder, DATA, &columns, &groups.collect::<Vec<_>>(), &[])?;
-    let of_episodes = [episodes(lengths, &dataset.task), stats_of_episodes(&columns, lengths)].concat();
+    let of_pictures = frames.pictures.iter().flat_map(|pictures| pictures.stats_of_episodes(lengths));
+    let of_numbers = stats_of_episodes(&columns, lengths);
+    let of_episodes = [episodes(lengths, &dataset.task), of_numbers, of_pictures.collect()].concat();
     table(folder, EPISODES, &of_episodes, &[lengths.len()], &[])?;
     let tasks = [
         Column { name: "task_index".to_string(), values: Values::Int64(vec![0]) },

@@ -48,9 +48,12 @@ pub(super) struct Pictures {
     size: (usize, usize),
     /// The file of the picture of each frame.
     files: Vec<Arc<[u8]>>,
-    /// For red, green and blue the number of pixels of each brightness, in all frames.
-    brightness: [Vec<u64>; 3],
+    /// The pixels of each episode.
+    brightness: Vec<Brightness>,
 }
+
+/// For red, green and blue the number of pixels of each brightness.
+type Brightness = [[u64; 256]; 3];
 
 impl Pictures {
     /// The cameras of a dataset, and the times of their pictures.
@@ -68,7 +71,7 @@ impl Pictures {
                 times: Vec::new(),
                 size: (0, 0),
                 files: Vec::new(),
-                brightness: std::array::from_fn(|_| vec![0; 256]),
+                brightness: Vec::new(),
             });
         }
         if all.is_empty() {
@@ -87,8 +90,15 @@ impl Pictures {
         self.times.get(self.times.partition_point(|time| *time < time_ns)).copied()
     }
 
-    /// Reads the newest picture at each of these times, which rise, and makes a file of it.
-    pub(super) fn read(&mut self, recording: &Recording, frames_ns: &[u64]) -> Result<(), DatasetError> {
+    /// Reads the newest picture at each of these times, which rise, and makes a file of it. `lengths` are the numbers of frames of the
+    /// episodes.
+    pub(super) fn read(
+        &mut self,
+        recording: &Recording,
+        frames_ns: &[u64],
+        lengths: &[usize],
+    ) -> Result<(), DatasetError> {
+        self.brightness = vec![[[0; 256]; 3]; lengths.len()];
         let newest = |time_ns: &u64| self.times.partition_point(|time| time <= time_ns).checked_sub(1);
         let wanted: Vec<usize> = frames_ns.iter().filter_map(newest).collect();
         let of_camera = recording.images().filter(|picture| picture.pictures == self.index);
@@ -111,9 +121,19 @@ impl Pictures {
                 let found = format!("has {} x {} pixels, the ones before {width} x {height}", size.0, size.1);
                 return Err(wrong(found));
             }
+            let mut of_picture: Brightness = [[0; 256]; 3];
             for pixel in pixels.as_chunks::<3>().0 {
-                for (brightness, part) in self.brightness.iter_mut().zip(pixel) {
-                    brightness[usize::from(*part)] += frames as u64;
+                for (brightness, part) in of_picture.iter_mut().zip(pixel) {
+                    brightness[usize::from(*part)] += 1;
+                }
+            }
+            let (shown, mut end) = (self.files.len()..self.files.len() + frames, 0);
+            for (brightness, length) in self.brightness.iter_mut().zip(lengths) {
+                let first = end;
+                end += length;
+                let times = end.min(shown.end).saturating_sub(first.max(shown.start));
+                if times > 0 {
+                    add(brightness, &of_picture, times as u64);
                 }
             }
             let file: Arc<[u8]> = png::encode(size.0, size.1, &pixels).into();
@@ -144,21 +164,52 @@ impl Pictures {
     /// The entry of `stats.json`: of each colour of all pixels of all frames, in parts of the brightest; one number for each,
     /// in a form that is taken times a picture.
     pub(super) fn stats(&self) -> Value {
-        let each = |of: &dyn Fn(&[u64]) -> f64| {
-            let of_colour = |brightness: &Vec<u64>| json!([[of(brightness) / 255.0]]);
-            Value::Array(self.brightness.iter().map(of_colour).collect())
-        };
-        let mut stats = serde_json::Map::new();
-        stats.insert("min".to_string(), each(&|counts| ranked(counts, 0.0)));
-        stats.insert("max".to_string(), each(&|counts| ranked(counts, 1.0)));
-        stats.insert("mean".to_string(), each(&mean));
-        stats.insert("std".to_string(), each(&deviation));
-        for (name, part) in QUANTILES {
-            stats.insert(name.to_string(), each(&|counts| ranked(counts, part)));
-        }
-        stats.insert("count".to_string(), json!([self.files.len()]));
-        Value::Object(stats)
+        let mut all: Brightness = [[0; 256]; 3];
+        self.brightness.iter().for_each(|of_episode| add(&mut all, of_episode, 1));
+        let of_colours = |parts: [f64; 3]| json!(parts.map(|part| [[part]]));
+        let named = named(&all).into_iter().map(|(name, parts)| (name.to_string(), of_colours(parts)));
+        named.chain([("count".to_string(), json!([self.files.len()]))]).collect()
     }
+
+    /// The same of each episode, in a column for each statistic.
+    pub(super) fn stats_of_episodes(&self, lengths: &[usize]) -> Vec<Column> {
+        let list = |length: usize, entries: Values| {
+            let lists = entries.len() / length.max(1);
+            Values::List { lengths: vec![length; lists], entries: Box::new(entries) }
+        };
+        let of: Vec<_> = self.brightness.iter().map(named).collect();
+        let names = of.first().into_iter().flatten().map(|(name, _)| *name);
+        let mut made: Vec<_> = names
+            .enumerate()
+            .map(|(place, name)| {
+                let parts = of.iter().flat_map(|named| named[place].1).collect();
+                (name, list(3, list(1, list(1, Values::Double(parts)))))
+            })
+            .collect();
+        made.push(("count", list(1, Values::Int64(lengths.iter().map(|length| *length as i64).collect()))));
+        let named = |(name, values)| Column { name: format!("stats/{}/{name}", self.feature()), values };
+        made.into_iter().map(named).collect()
+    }
+}
+
+/// Adds pixels, each as often as `times`.
+fn add(to: &mut Brightness, pixels: &Brightness, times: u64) {
+    for (sum, count) in to.as_flattened_mut().iter_mut().zip(pixels.as_flattened()) {
+        *sum += count * times;
+    }
+}
+
+/// Each of the statistics by its name: of red, green and blue, in parts of the brightest.
+fn named(brightness: &Brightness) -> Vec<(&'static str, [f64; 3])> {
+    let each = |of: &dyn Fn(&[u64]) -> f64| brightness.each_ref().map(|counts| of(counts) / 255.0);
+    let mut named = vec![
+        ("min", each(&|counts| ranked(counts, 0.0))),
+        ("max", each(&|counts| ranked(counts, 1.0))),
+        ("mean", each(&mean)),
+        ("std", each(&deviation)),
+    ];
+    named.extend(QUANTILES.map(|(name, part)| (name, each(&|counts| ranked(counts, part)))));
+    named
 }
 
 /// The pixels of a picture as red, green and blue without gaps, or what is wrong with it.

@@ -77,13 +77,22 @@ pub fn score(recording: &Recording, plan: &Plan, tolerance: Tolerance) -> Result
         .collect();
     let mut limits: Vec<Limits> =
         of_type(JointState::NAME).filter_map(|(index, _)| Limits::new(recording, plan, index)).collect();
-    let mut samples = recording.sorted()?;
+    let mut samples = recording.in_order().peekable();
     // What was published at one time, as all of a tick of lockstep is: states before the targets that were made of them.
-    let is_target = |topic: usize| followers.iter().any(|follower| follower.reads_target(topic));
-    samples.sort_by_key(|sample| (sample.time_ns, is_target(sample.topic)));
-    for sample in &samples {
-        followers.iter_mut().for_each(|follower| follower.take(sample));
-        limits.iter_mut().for_each(|limits| limits.take(sample));
+    let mut together = Vec::new();
+    while let Some(sample) = samples.next() {
+        let sample = sample?;
+        let time_ns = sample.time_ns;
+        together.push(sample);
+        if samples.peek().is_some_and(|next| next.as_ref().is_ok_and(|next| next.time_ns == time_ns)) {
+            continue;
+        }
+        let is_target = |topic: usize| followers.iter().any(|follower| follower.reads_target(topic));
+        together.sort_by_key(|sample| is_target(sample.topic));
+        for sample in together.drain(..) {
+            followers.iter_mut().for_each(|follower| follower.take(&sample));
+            limits.iter_mut().for_each(|limits| limits.take(&sample));
+        }
     }
     Ok(Score {
         graph: plan.name.clone(),

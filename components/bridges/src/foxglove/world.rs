@@ -1,31 +1,45 @@
 //! The ground and the objects of a graph's world, as a scene for viewers.
 
+use foxglove::Encode as _;
 use foxglove::messages::{
     Color, CubePrimitive, CylinderPrimitive, Point3, Pose, Quaternion, SceneEntity, SceneUpdate,
     SpherePrimitive, TriangleListPrimitive, Vector3,
 };
-use foxglove::{Encode as _, Schema};
 use motorium::plan::Plan;
 use motorium::state::{ObjectPoses, StateBuffer as _};
 use motorium_robots::{BasePose, Colour, HeightField, Object, ObjectShape, World};
 use serde::Deserialize;
 
-/// The frame in which robots and objects stand.
-const WORLD: &str = "world";
+use super::Schema;
+use super::robots::WORLD;
+
+/// Topic of the [scene](world_scene) of a world.
+pub const WORLD_SCENE: &str = "/world/scene";
+
 /// Sides of the part of the ground that is drawn, and its thickness, m.
 const PLANE: [f64; 3] = [6.0, 6.0, 0.002];
 
-const FIXED: Color = Color { r: 0.55, g: 0.58, b: 0.62, a: 1.0 };
-const FREE: Color = Color { r: 0.85, g: 0.55, b: 0.2, a: 1.0 };
-const EARTH: Color = Color { r: 0.8, g: 0.82, b: 0.84, a: 0.6 };
+/// Opacity of the plane: what lies below it can be seen.
+const THROUGH: f64 = 0.6;
 
 /// Points of a drawn terrain, at most about.
 const TERRAIN_POINTS: f64 = 15_000.0;
 
-/// The world of a plan as a scene: schema and message. `None` if it has none.
+/// The world of a plan as a scene in its colours: schema and message, a [`SceneUpdate`]. `None` if it has none.
 ///
 /// An object that moves stands in a frame of its own, of its name, if a topic tells where it is.
-pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
+///
+/// ```
+/// # fn of(plan: &motorium::plan::Plan) {
+/// use motorium_bridges::foxglove::world_scene;
+///
+/// if let Some((schema, message)) = world_scene(plan) {
+///     assert_eq!(schema.name, "foxglove.SceneUpdate");
+///     println!("{} bytes", message.len());
+/// }
+/// # }
+/// ```
+pub fn world_scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     let mut simulated = plan.components.iter().filter(|component| component.config["world"].is_object());
     let world = simulated.find_map(|component| {
         let mut world = World::deserialize(&component.config["world"]).ok()?;
@@ -33,20 +47,17 @@ pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
         Some(world)
     })?;
     let told = plan.topics.iter().any(|topic| topic.layout.type_name == ObjectPoses::NAME);
-    let mut entities: Vec<SceneEntity> = world
-        .objects
-        .iter()
-        .map(|object| entity(object, world.appearance.colours.get(&object.name), told))
-        .collect();
+    let looks = &world.appearance;
+    let mut entities: Vec<SceneEntity> =
+        world.objects.iter().map(|object| entity(object, &looks.object(object), told)).collect();
     // What its files hold may have changed since the graph began.
     if let Ok(Some(field)) = world.height_field() {
-        let stated = ["terrain", "ground"].iter().find_map(|name| world.appearance.colours.get(*name));
-        entities.push(terrain(&field, stated));
+        entities.push(terrain(&field, &looks.ground()));
     }
     if let Some(ground) = world.ground {
         let position = [0.0, 0.0, ground.height - 0.5 * PLANE[2]];
-        let cube =
-            CubePrimitive { pose: pose(position, [0.0; 3]), size: Some(vector(PLANE)), color: Some(EARTH) };
+        let color = Some(Color { a: THROUGH, ..opaque(&looks.ground()) });
+        let cube = CubePrimitive { pose: pose(position, [0.0; 3]), size: Some(vector(PLANE)), color };
         entities.push(SceneEntity {
             frame_id: WORLD.to_string(),
             id: "ground".to_string(),
@@ -57,11 +68,11 @@ pub(crate) fn scene(plan: &Plan) -> Option<(Schema, Vec<u8>)> {
     let update = SceneUpdate { deletions: Vec::new(), entities };
     let mut message = Vec::new();
     update.encode(&mut message).ok()?;
-    Some((SceneUpdate::get_schema()?, message))
+    Some((Schema::of::<SceneUpdate>(), message))
 }
 
 /// A terrain as triangles, coarser than it is where it has very many heights.
-fn terrain(field: &HeightField, colour: Option<&Colour>) -> SceneEntity {
+fn terrain(field: &HeightField, colour: &Colour) -> SceneEntity {
     let (corner, counts) = field.grid();
     let lengths = counts.map(|count| (count.max(2) - 1) as f64 * field.spacing());
     let step = field.spacing().max((lengths[0] * lengths[1] / TERRAIN_POINTS).sqrt());
@@ -82,7 +93,7 @@ fn terrain(field: &HeightField, colour: Option<&Colour>) -> SceneEntity {
     let triangles = TriangleListPrimitive {
         pose: pose([0.0; 3], [0.0; 3]),
         points: points.collect(),
-        color: colour.map(opaque).or(Some(FIXED)),
+        color: Some(opaque(colour)),
         colors: Vec::new(),
         indices: indices.collect(),
     };
@@ -94,22 +105,17 @@ fn terrain(field: &HeightField, colour: Option<&Colour>) -> SceneEntity {
     }
 }
 
-/// An object, in the colour that the world gives it.
-fn entity(object: &Object, colour: Option<&Colour>, told: bool) -> SceneEntity {
-    let moves = object.is_dynamic();
-    let of_its_own = moves && told;
+/// An object in its colour.
+fn entity(object: &Object, colour: &Colour, told: bool) -> SceneEntity {
+    let of_its_own = object.is_dynamic() && told;
     let (position, rpy) = if of_its_own { ([0.0; 3], [0.0; 3]) } else { (object.position, object.rpy) };
-    let color = match colour {
-        Some(stated) => Some(opaque(stated)),
-        None => Some(if moves { FREE } else { FIXED }),
-    };
     let mut entity = SceneEntity {
         frame_id: if of_its_own { object.name.clone() } else { WORLD.to_string() },
         id: object.name.clone(),
         frame_locked: true,
         ..SceneEntity::default()
     };
-    add_shape(&mut entity, &object.shape, (position, rpy), color);
+    add_shape(&mut entity, &object.shape, (position, rpy), Some(opaque(colour)));
     entity
 }
 
@@ -185,6 +191,8 @@ fn pose(position: [f64; 3], rpy: [f64; 3]) -> Option<Pose> {
 mod tests {
     use super::*;
 
+    const GREY: Colour = [0.5; 3];
+
     fn object(text: &str) -> Object {
         serde_json::from_str(text).unwrap()
     }
@@ -194,7 +202,7 @@ mod tests {
         let capsule = object(
             r#"{"name": "bar", "shape": {"capsule": {"radius": 0.1, "length": 0.6}}, "position": [1, 0, 0], "rpy": [0, 1.5707963267948966, 0]}"#,
         );
-        let drawn = entity(&capsule, None, true);
+        let drawn = entity(&capsule, &GREY, true);
         let ends: Vec<f64> = drawn.spheres.iter().map(|end| end.pose.unwrap().position.unwrap().x).collect();
         assert!((ends[0] - 0.7).abs() < 1e-12 && (ends[1] - 1.3).abs() < 1e-12, "{ends:?}");
         assert_eq!(drawn.cylinders[0].size.unwrap().z, 0.6);
@@ -204,7 +212,7 @@ mod tests {
     fn a_terrain_is_drawn_where_it_is_and_no_finer_than_is_of_use() {
         let text = r#"{"size": [12, 6], "centre": [4, 0], "spacing": 0.02, "layers": [{"slope": {"angle": 0.1, "from": 1}}]}"#;
         let field = serde_json::from_str::<motorium_robots::Terrain>(text).unwrap().height_field().unwrap();
-        let drawn = terrain(&field, None);
+        let drawn = terrain(&field, &GREY);
         let TriangleListPrimitive { points, indices, .. } = &drawn.triangles[0];
         assert!((10_000..20_000).contains(&points.len()), "{}", points.len());
         for point in points {
@@ -227,14 +235,14 @@ mod tests {
         let ball = object(
             r#"{"name": "ball", "shape": {"sphere": {"radius": 0.1}}, "mass": 1, "position": [0, 0, 1], "friction": 1}"#,
         );
-        let (table, free) = (entity(&table, None, true), entity(&ball, Some(&[0.9, 0.1, 0.2]), true));
+        let (table, free) = (entity(&table, &GREY, true), entity(&ball, &[0.9, 0.1, 0.2], true));
         assert_eq!(free.spheres[0].color.map(|color| [color.r, color.g, color.b]), Some([0.9, 0.1, 0.2]));
         assert_eq!((table.frame_id.as_str(), table.cubes[0].size.unwrap().y), ("world", 2.0));
         assert_eq!(table.cubes[0].pose.unwrap().position.unwrap().x, 0.4);
         assert_eq!((free.frame_id.as_str(), free.spheres[0].size.unwrap().z), ("ball", 0.2));
         assert_eq!(free.spheres[0].pose.unwrap().position.unwrap().z, 0.0);
         // nobody tells where it is
-        let still = entity(&ball, None, false);
+        let still = entity(&ball, &GREY, false);
         assert_eq!(
             (still.frame_id.as_str(), still.spheres[0].pose.unwrap().position.unwrap().z),
             ("world", 1.0)

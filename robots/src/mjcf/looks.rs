@@ -1,0 +1,66 @@
+//! Colours of the objects of a world, as geoms state them.
+
+use std::collections::BTreeMap;
+
+use roxmltree::{Node, NodeId};
+
+use crate::Colour;
+
+/// The colours that the geoms of a world state.
+#[derive(Default)]
+pub(super) struct Looks(Vec<Stated>);
+
+/// A geom and its colour.
+struct Stated {
+    /// The body that it belongs to; `None` in the world itself.
+    body: Option<NodeId>,
+    /// The object that it is a shape of; `None` for a geom that touches nothing, which is no shape of a world.
+    object: Option<String>,
+    /// The colour, if the geom or its material states one.
+    colour: Option<Colour>,
+    /// True if MuJoCo's viewer shows the geom unasked.
+    is_seen: bool,
+}
+
+impl Looks {
+    /// Notes a geom: the object that it is a shape of, its colour, and whether viewers show it.
+    pub(super) fn add(
+        &mut self,
+        node: Node<'_, '_>,
+        object: Option<&str>,
+        colour: Option<Colour>,
+        seen: bool,
+    ) {
+        let body = node.ancestors().find(|around| around.has_tag_name("body")).map(|body| body.id());
+        self.0.push(Stated { body, object: object.map(str::to_owned), colour, is_seen: seen });
+    }
+
+    /// Number of geoms so far.
+    pub(super) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Gives the shapes among the geoms from `first` on the name of their object.
+    pub(super) fn rename(&mut self, first: usize, object: &str) {
+        for stated in self.0.iter_mut().skip(first).filter(|stated| stated.object.is_some()) {
+            stated.object = Some(object.to_owned());
+        }
+    }
+
+    /// The colours of objects: of each that of its first shape that is seen, else of the first geom of the same bodies that is seen
+    /// and touches nothing, else of a shape that is hidden. An object of which none of these states a colour has none.
+    pub(super) fn colours<'n>(&self, objects: impl Iterator<Item = &'n str>) -> BTreeMap<String, Colour> {
+        let of = |name: &str| {
+            let own = || self.0.iter().filter(|stated| stated.object.as_deref() == Some(name));
+            let beside = || {
+                let touch_nothing = self.0.iter().filter(|stated| stated.object.is_none());
+                touch_nothing
+                    .filter(|stated| stated.body.is_some() && own().any(|shape| shape.body == stated.body))
+            };
+            let seen = own().chain(beside()).filter(|stated| stated.is_seen);
+            let colour = seen.chain(own()).find_map(|stated| stated.colour)?;
+            Some((name.to_owned(), colour))
+        };
+        objects.filter_map(of).collect()
+    }
+}

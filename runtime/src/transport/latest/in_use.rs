@@ -1,0 +1,142 @@
+//! The parts of a slot that are in use, fetched ahead of those who read or fill it.
+
+#![allow(unsafe_code)] // the count of a value is read where its layout says
+
+use super::TopicMemory;
+use crate::state::TypeLayout;
+
+/// Bytes that are fetched at most: beyond, the processor finds the pattern itself.
+const MOST: usize = 1024;
+
+/// The parts of a slot that are in use. A joint state has room for 64 joints: of one with 8 the other 56 need no cache lines, and
+/// take none away from what is used.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct InUse(Box<[Part]>);
+
+/// A part of a slot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Part {
+    /// Bytes from the beginning of the slot.
+    offset: usize,
+    size: usize,
+    /// Of an array of which a number says how many entries are in use.
+    counted: Option<Counted>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Counted {
+    /// Place of the count in the value, bytes.
+    at: usize,
+    /// Bytes of an entry.
+    entry: usize,
+}
+
+impl InUse {
+    /// The parts of a slot whose value, of this layout, begins at `value`.
+    pub(super) fn of(layout: &TypeLayout, value: usize) -> Self {
+        let counted = |name: &str, kind: &str, size: usize| {
+            let count = layout.fields.iter().find(|field| field.name == name)?;
+            let capacity: usize = kind.trim_end_matches(']').rsplit("; ").next()?.parse().ok()?;
+            let is_there = count.offset + size_of::<u32>() <= layout.size;
+            let entry = size.checked_div(capacity).filter(|entry| is_there && *entry > 0)?;
+            Some(Counted { at: count.offset, entry })
+        };
+        let whole = Part { offset: 0, size: value + layout.size, counted: None };
+        let mut arrays = Vec::new();
+        for field in &layout.fields {
+            let Some(count) = &field.count else { continue };
+            // Parts that cannot be told apart are one.
+            let Some(counted) = counted(count, &field.kind, field.size) else { return Self([whole].into()) };
+            arrays.push(Part { offset: value + field.offset, size: field.size, counted: Some(counted) });
+        }
+        arrays.sort_by_key(|part| part.offset);
+        let (mut parts, mut end) = (Vec::new(), 0);
+        for array in arrays {
+            if array.offset > end {
+                parts.push(Part { offset: end, size: array.offset - end, counted: None });
+            }
+            end = array.offset + array.size;
+            parts.push(array);
+        }
+        if whole.size > end {
+            parts.push(Part { offset: end, size: whole.size - end, counted: None });
+        }
+        Self(parts.into())
+    }
+
+    /// Offsets and sizes of what is in use, where `count` reads the count at a place of the value.
+    #[inline]
+    fn each(&self, count: impl Fn(usize) -> usize, mut tell: impl FnMut(usize, usize)) {
+        let mut left = MOST;
+        for part in &self.0 {
+            let size = match part.counted {
+                Some(Counted { at, entry }) => count(at).saturating_mul(entry).min(part.size),
+                None => part.size,
+            };
+            let size = size.min(left);
+            if size > 0 {
+                tell(part.offset, size);
+            }
+            left -= size;
+        }
+    }
+}
+
+impl TopicMemory {
+    /// Fetches what is in use of a slot, if its value is as long as the one in the slot `like`, which the caller may read: it has pinned
+    /// it, or is the one writer and has not claimed it since. Without one, the beginning of the slot. Returns where the slot is.
+    #[inline]
+    pub(super) fn fetch(
+        &self,
+        slot: usize,
+        like: Option<usize>,
+        prefetch: impl Fn(*const u8, usize),
+    ) -> *const u8 {
+        let first = self.slot(slot).cast::<u8>().cast_const();
+        let Some(like) = like else {
+            prefetch(first, MOST);
+            return first;
+        };
+        let value = self.value(like).cast_const();
+        // SAFETY: `at` lies in the value (see `InUse::of`), all of it initialised, which nobody writes by the caller's promise.
+        let count = |at: usize| unsafe { value.add(at).cast::<u32>().read_unaligned() } as usize;
+        self.in_use().each(count, |offset, size| prefetch(first.wrapping_add(offset), size));
+        first
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::{JointCommand, PoseTarget, StateBuffer};
+
+    fn parts(in_use: &InUse, count: usize) -> Vec<(usize, usize)> {
+        let mut told = Vec::new();
+        in_use.each(|_| count, |offset, size| told.push((offset, size)));
+        told
+    }
+
+    /// Cache lines of a slot that is aligned to one.
+    fn lines(parts: &[(usize, usize)]) -> usize {
+        let lines = parts.iter().flat_map(|(offset, size)| offset / 64..=(offset + size - 1) / 64);
+        lines.collect::<std::collections::BTreeSet<_>>().len()
+    }
+
+    #[test]
+    fn of_a_command_for_eight_joints_the_entries_of_eight_joints_are_fetched() {
+        let in_use = InUse::of(&JointCommand::layout(), 56);
+        let of_eight = parts(&in_use, 8);
+        // Its words and the count, then position, velocity, effort, kp and kd.
+        assert_eq!(of_eight, [(0, 64), (64, 64), (576, 64), (1088, 64), (1600, 64), (2112, 64)]);
+        assert_eq!(lines(&of_eight), 6);
+        assert_eq!(parts(&in_use, 0), [(0, 64)]);
+        let all: usize = parts(&in_use, usize::MAX).iter().map(|(_, size)| size).sum();
+        assert_eq!(all, MOST, "a damaged count fetches no more than the longest value");
+    }
+
+    #[test]
+    fn a_value_without_counted_arrays_is_one_part() {
+        let layout = PoseTarget::layout();
+        assert_eq!(parts(&InUse::of(&layout, 56), 7), [(0, 56 + layout.size)]);
+    }
+}
