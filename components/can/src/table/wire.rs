@@ -86,7 +86,11 @@ pub(super) fn check_fields(drive: &DriveEntry) -> Result<(), Refusal> {
             .or_else(|| {
                 let most = drive.rated_torque.unwrap_or(1.0) * THOUSANDTHS;
                 let field = "object 0x6071, in thousandths of the rated torque,";
-                (mode == ControlMode::Torque).then(|| beyond("torque", ranges.torque, "N m", most, field))?
+                if mode == ControlMode::Torque {
+                    beyond("torque", ranges.torque, "N m", most, field)
+                } else {
+                    None
+                }
             }),
         _ => None,
     };

@@ -62,11 +62,11 @@ pub(super) fn largest(starts: Vec<Vec<f64>>, axes: &[Axis], mut value: impl FnMu
 fn go_on(
     axes: &[Axis],
     from: &[f64],
-    at: &mut Vec<f64>,
+    at: &mut [f64],
     best: f64,
     value: &mut impl FnMut(&[f64]) -> f64,
 ) -> f64 {
-    let (way, mut best) = (at.clone(), best);
+    let (way, mut best) = (at.to_vec(), best);
     for step in 0..FURTHER {
         let share = f64::from(1_u32 << step);
         let mut further = way.clone();
@@ -77,7 +77,8 @@ fn go_on(
         if next <= best {
             break;
         }
-        (best, *at) = (next, further);
+        best = next;
+        at.copy_from_slice(&further);
     }
     best
 }
