@@ -2,73 +2,92 @@
 
 graph=/graphs/arm-can.toml
 export TERM=dumb
+# To spin before a release takes the emulator as long as to compute, and the clock of the machine wakes nobody late.
+awake="--set realtime.spin=\"0us\""
+
+# stamp: the seconds since the machine started, and those in which its processor had nothing to do.
+stamp() { read -r up idle </proc/uptime; }
 
 # begin NAME ARGUMENTS: starts a run and waits until it is running.
 begin() {
     name=$1
     shift
     rm -f report errors
+    stamp
+    began="$up $idle"
     # The machine has one slow processor, on which the times that `check` assumes of a machine do not fit.
-    motorium run "$graph" --no-expect --json --force --set component.physics.rate='"1 kHz"' \
+    # shellcheck disable=SC2086
+    motorium run "$graph" --no-expect --json --force $awake --set component.physics.rate='"1 kHz"' \
         --set component.physics.schedule='"fifo"' --set component.drives.schedule='"fifo"' "$@" >report 2>errors &
     run=$!
+    running
+}
+
+# running: waits until the run is running.
+running() {
     for _ in $(seq 500); do
-        grep -q running errors && break
+        grep -qs running errors && break
         kill -0 $run 2>/dev/null || break
         sleep 0.02
     done
+    stamp
+    ran=$up
+}
+
+# printed NAME CODE REPORT ERRORS: prints a row, and its times: when it began, ran and ended, and when the processor was idle.
+printed() {
+    stamp
+    echo "=== $1 $2"
+    cat "$3"
+    echo "--- errors"
+    cat "$4"
+    echo "--- times"
+    echo "$began $ran $up $idle"
 }
 
 # finish: waits for the end of the run, and prints its report.
 finish() {
     wait $run
-    code=$?
-    echo "=== $name $code"
-    cat report
-    echo "--- errors"
-    cat errors
+    printed "$name" $? report errors
 }
 
-# row NAME FAULT [ARGUMENTS]: a run with a fault of the simulated drives.
+# row NAME TIME FAULTS: a run of this time with faults of the simulated drives, which follow within 30 ms; the first at 100 ms.
 row() {
-    name=$1 fault=$2
-    shift 2
-    begin "$name" --for 800ms --set "component.drives.config.faults=[{ at = \"300 ms\", $fault }]" "$@"
+    begin "$1" --for "$2" --set "component.drives.config.faults=[{ at = \"100 ms\", $3 }]"
     finish
 }
 
-# Rows of the first of two machines: faults of the simulated drives and of the bus of the kernel, and ends of processes.
+# Rows of the first of two machines: faults of the simulated drives and of the bus of the kernel. What does not disturb another shares a
+# run: most of the time of a short one is that of starting its processes.
 socket_rows() {
-    row silent 'kind = "silent", joint = "panda_joint4"'
-    row late 'kind = "late", delay = "3 ms", joint = "panda_joint4"'
-    row duplicate 'kind = "duplicate", joint = "panda_joint4"'
-    row twin 'kind = "twin", joint = "panda_joint4"'
-    row wrong_length 'kind = "wrong_length", joint = "panda_joint4"'
-    row corrupt 'kind = "corrupt", joint = "panda_joint4"'
-    row off 'kind = "off", lasts = "50 ms", joint = "panda_joint4"'
+    row silent 500ms 'kind = "silent", joint = "panda_joint4"'
+    row late 500ms 'kind = "late", delay = "3 ms", joint = "panda_joint4"'
+    row twice 500ms 'kind = "duplicate", joint = "panda_joint4" }, { at = "100 ms", kind = "twin", joint = "panda_joint2"'
+    row refused 500ms 'kind = "wrong_length", joint = "panda_joint4" }, { at = "100 ms", kind = "corrupt", joint = "panda_joint2"'
+    row off 500ms 'kind = "off", lasts = "50 ms", joint = "panda_joint4"'
     # a drive without power for a moment: what trips is released by one command, once the drive is back
-    begin resumed --for 1500ms --set 'component.drives.config.faults=[{ at = "300 ms", kind = "off", lasts = "50 ms", joint = "panda_joint4" }]'
-    sleep 0.7
+    begin resumed --for 1s --set 'component.drives.config.faults=[{ at = "100 ms", kind = "off", lasts = "50 ms", joint = "panda_joint4" }]'
+    sleep 0.3
     motorium resume >resumed 2>&1
     finish
-    row babbling 'kind = "babbling", lasts = "200 ms", bus = "can0"'
-    row passive 'kind = "disturbed", lasts = "200 ms", bus = "can0"'
-    row bus_off 'kind = "bus_off", lasts = "200 ms", bus = "can0"'
+    row disturbed 650ms 'kind = "babbling", lasts = "200 ms", bus = "can0" }, { at = "350 ms", kind = "disturbed", lasts = "200 ms", bus = "can0"'
+    row bus_off 600ms 'kind = "bus_off", lasts = "200 ms", bus = "can0"'
 
-    begin unacknowledged --for 800ms
-    sleep 0.3
+    begin unacknowledged --for 600ms
+    sleep 0.1
     motorium can send vcan0 20000020#0000000000000000
     finish
 
-    begin down --for 2s
-    sleep 0.3
+    begin down --for 1s
+    sleep 0.1
     ip link set vcan0 down
     sleep 0.3
     ip link set vcan0 up
     finish
 
-    begin gone --for 3s
-    sleep 0.3
+    # an interface that has gone is looked for once a second
+    begin gone --for 2s
+    sleep 0.1
     ip link del vcan0
     sleep 0.3
     ip link add vcan0 type vcan
@@ -78,24 +97,27 @@ socket_rows() {
 
     begin missing_interface --for 1s --set 'component.adapter.config.drives="drives/missing.toml"'
     finish
+}
 
-    begin adapter_killed --for 1s --set component.adapter.on_failure='"ignore"'
-    sleep 0.3
+# Processes that are killed, or stopped.
+process_rows() {
+    begin adapter_killed --for 600ms --set component.adapter.on_failure='"ignore"'
+    sleep 0.1
     motorium kill arm-can adapter
     finish
 
-    begin adapter_hung --for 1s --set component.adapter.on_failure='"ignore"'
-    sleep 0.3
+    begin adapter_hung --for 600ms --set component.adapter.on_failure='"ignore"'
+    sleep 0.1
     motorium kill arm-can adapter --signal stop
     finish
 
-    begin controller_killed --for 1s --set component.controller.on_failure='"ignore"'
-    sleep 0.3
+    begin controller_killed --for 900ms --set component.controller.on_failure='"ignore"'
+    sleep 0.1
     motorium kill arm-can controller
     finish
 
-    begin controller_stopped --for 1s --set component.controller.on_failure='"ignore"'
-    sleep 0.3
+    begin controller_stopped --for 900ms --set component.controller.on_failure='"ignore"'
+    sleep 0.1
     motorium kill arm-can controller --signal stop
     finish
 
@@ -128,39 +150,62 @@ socket_rows() {
     kill -INT $log
     wait $log
     motorium can log vcan0 --for 300ms >silence
-    echo "=== launcher_killed $?"
-    tail -n 16 traffic
-    echo "--- errors"
-    ps | grep -c '[m]otorium worker'
-    wc -l <silence
+    code=$?
+    tail -n 16 traffic >report
+    ps | grep -c '[m]otorium worker' >errors
+    wc -l <silence >>errors
+    printed launcher_killed $code report errors
+}
+
+# desk GRAPH FAULT: starts physics and drives alone, on a bus of their own, with a fault, and waits until they run.
+desk() {
+    rm -f desk desk_errors
+    stamp
+    began="$up $idle"
+    # shellcheck disable=SC2086
+    motorium run "$1" --json --force --no-expect --for 30s $awake --set component.physics.schedule='"fifo"' \
+        --set component.drives.schedule='"fifo"' --set "component.drives.config.faults=[$2]" >desk 2>desk_errors &
+    desk=$!
+    until grep -qs running desk_errors; do
+        kill -0 $desk 2>/dev/null || break
+        sleep 0.02
+    done
+    stamp
+    ran=$up desk_times="$began $up"
+}
+
+# desk_ends NAME: ends them, and prints their report.
+desk_ends() {
+    kill -INT $desk
+    wait $desk
+    code=$?
+    began=${desk_times% *} ran=${desk_times##* }
+    printed "$1" $code desk desk_errors
 }
 
 # slcan NAME FAULT TIME: the arm behind the driver of the kernel, which sits on the terminal that the desk offers, for some time. The
-# desk's bus has the fault 2.5 s after the desk began, about 2 s after the arm. What a person would do then is called `mend`.
+# desk's bus has the fault 1.2 s after the desk began, more than half a second after the arm. What a person would do then is called
+# `mend`: once the fault is over.
 slcan() {
-    name=$1 fault=$2
-    rm -f desk desk_errors report errors
-    motorium run /graphs/desk.toml --json --force --no-expect --for 30s --set component.physics.schedule='"fifo"' \
-        --set component.drives.schedule='"fifo"' --set "component.drives.config.faults=[$fault]" >desk 2>desk_errors &
-    desk=$!
-    until [ -e /tmp/can0 ] && grep -q running desk_errors; do
+    name=$1
+    desk /graphs/desk.toml "$2"
+    until [ -e /tmp/can0 ]; do
         kill -0 $desk 2>/dev/null || break
         sleep 0.02
     done
     attach
-    motorium run /graphs/slcan.toml --no-expect --json --force --for "$3" >report 2>errors &
+    rm -f report errors
+    stamp
+    began="$up $idle"
+    # shellcheck disable=SC2086
+    motorium run /graphs/slcan.toml --no-expect --json --force --for "$3" $awake >report 2>errors &
     run=$!
+    running
     mend
     finish
     # drives that nobody commands let go
     sleep 0.1
-    kill -INT $desk
-    wait $desk
-    code=$?
-    echo "=== ${name}_desk $code"
-    cat desk
-    echo "--- errors"
-    cat desk_errors
+    desk_ends "${name}_desk"
     detach
 }
 
@@ -179,34 +224,63 @@ detach() {
     wait $attached
 }
 
-# Rows of the second: the driver of the kernel for serial adapters, twelve joints, and what `check` says.
+# scan NAME ARGUMENTS: a search for drives that speak CAN FD.
+scan() {
+    name=$1
+    shift
+    stamp
+    began="$up $idle" ran=$up
+    motorium can scan "$@" --fd --for 50ms --json >report 2>errors
+    printed "$name" $? report errors
+}
+
+# Rows of the second: ends of processes, the driver of the kernel for serial adapters, twelve joints, drives of CAN FD, and what
+# `check` says.
 serial_rows() {
+    process_rows
     mend() { :; }
-    slcan slcan '' 2s
-    slcan slcan_alone '{ at = "2.5 s", lasts = "300 ms", kind = "alone", bus = "can0" }' 4s
-    slcan slcan_passive '{ at = "2.5 s", lasts = "18 ms", kind = "disturbed", bus = "can0" }' 3s
+    slcan slcan '' 1s
+    slcan slcan_alone '{ at = "1.2 s", lasts = "300 ms", kind = "alone", bus = "can0" }' 2s
+    slcan slcan_passive '{ at = "1.2 s", lasts = "18 ms", kind = "disturbed", bus = "can0" }' 1500ms
     mend() {
-        sleep 3
+        sleep 1.5
         ip link set can0 down
         ip link set can0 up
     }
-    slcan slcan_bus_off '{ at = "2.5 s", lasts = "300 ms", kind = "bus_off", bus = "can0" }' 5s
+    slcan slcan_bus_off '{ at = "1.2 s", lasts = "300 ms", kind = "bus_off", bus = "can0" }' 3s
     mend() {
-        sleep 3
+        sleep 1.5
         detach
         attach
     }
-    slcan slcan_unplugged '{ at = "2.5 s", lasts = "300 ms", kind = "down", bus = "can0" }' 6s
+    slcan slcan_unplugged '{ at = "1.2 s", lasts = "300 ms", kind = "down", bus = "can0" }' 3500ms
 
     graph=/graphs/two-buses.toml
     begin twelve --for "$(cat /graphs/seconds)s"
     finish
 
+    # a drive that sends classic frames, and two moteus on a bus of their own
+    desk /graphs/drives-alone.toml ''
+    scan scan_fd vcan1
+    scan scan_classic vcan0
+    desk_ends scanned_desk
+    ip link set vcan1 down
+    ip link set vcan1 mtu 16
+    ip link set vcan1 up
+    scan scan_no_fd vcan1
+
+    stamp
+    began="$up $idle" ran=$up
     motorium can check /graphs/arm-can.toml --set component.adapter.rate='"1 kHz"' >report 2>errors
-    echo "=== saturated $?"
-    cat report
-    echo "--- errors"
-    cat errors
+    printed saturated $? report errors
 }
 
+# At a priority above all others, so that only the clock of the machine can hold it up.
+chrt -f 99 clock-watch >leaps &
+watch=$!
 "$(cat /graphs/rows)_rows"
+kill $watch
+: >errors
+stamp
+began="$up $idle" ran=$up
+printed "$(cat /graphs/rows)_leaps" 0 leaps errors

@@ -1,7 +1,7 @@
 //! An arm of twelve joints on two CAN FD buses.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Writes its model, its drive table and its graph, and a drive table whose interface there is not.
 pub(crate) fn write(folder: &Path) {
@@ -109,10 +109,3 @@ stale_after = "5 ms"
 safe_state  = "hold"
 settle      = "100 ms"
 "#;
-
-/// The command that a machine emulates: for the rows beside the twelve joints that of `MOTORIUM_CAN_PROGRAM=target/release/motorium`,
-/// as users run it, else the one under test, which asserts more and is three times as slow.
-pub(crate) fn program(rows: &str) -> PathBuf {
-    let named = std::env::var_os("MOTORIUM_CAN_PROGRAM").filter(|_| rows == "serial");
-    named.map_or_else(|| env!("CARGO_BIN_EXE_motorium-under-test").into(), PathBuf::from)
-}

@@ -101,7 +101,7 @@ put() {
     mkdir -p "$root$(dirname "$place")"
     cp -rL "$source" "$root$place"
     [[ -f $source && $(head -c4 "$source" | tail -c3) == ELF ]] || return 0
-    strip --strip-debug "$root$place" 2>/dev/null || true
+    strip "$root$place" 2>/dev/null || true
     for library in $(ldd "$source" | grep -oE '/[^ ]+'); do
         [[ -e $root$library ]] || { mkdir -p "$root$(dirname "$library")"; cp -L "$library" "$root$library"; }
     done
@@ -129,11 +129,13 @@ chmod +x "$root/init"
 (cd "$root" && find . | LC_ALL=C sort | "$busybox" cpio -o -H newc 2>/dev/null) >"$work/files"
 
 touch "$work/out" "$work/errors" "$work/code"
-machine=(-M q35 -cpu max -smp 1 -m "$memory" -nodefaults -no-user-config -no-reboot -display none
+# A repetition prefix is emulated byte by byte here, and each further level of page tables is walked: without them the kernel and the C
+# library take loops that are emulated faster.
+machine=(-M q35 -cpu max,-erms,-fsrm,-la57,-smap -smp 1 -m "$memory" -nodefaults -no-user-config -no-reboot -display none
     -bios qboot.rom -kernel "$image" -initrd "$work/files" -accel tcg
     -icount shift=0,sleep=off -rtc base=2026-01-01,clock=vm -seed 1
     -serial "file:$work/console" -serial "file:$work/out" -serial "file:$work/errors" -serial "file:$work/code")
-arguments="console=ttyS0 quiet panic=-1 tsc=reliable nokaslr nolapic_timer random.trust_cpu=on cryptomgr.notests=1"
+arguments="console=ttyS0 quiet panic=-1 tsc=reliable nokaslr nolapic_timer random.trust_cpu=on cryptomgr.notests=1 mitigations=off"
 "${emulator[@]}" "${machine[@]}" -append "$arguments" </dev/null >"$work/emulator" 2>&1 &
 emulator_pid=$!
 trap 'kill -9 "$emulator_pid" 2>/dev/null || true; rm -rf "$work"' EXIT
@@ -154,9 +156,12 @@ watch() {
     [[ -e /proc/$$ ]] || rm -rf "$work"
 }
 watch </dev/null >/dev/null 2>&1 &
+# what it prints is passed on at once
+tail -c +1 -f -s 0.1 --pid="$emulator_pid" "$work/out" 2>/dev/null &
+passing=$!
 status=0
 wait "$emulator_pid" || status=$?
-cat "$work/out"
+wait "$passing" || true
 cat "$work/errors" >&2
 code=$(sed -n 's/^code \([0-9]*\).*/\1/p' "$work/code")
 [[ $code ]] && exit "$code"

@@ -5,6 +5,7 @@
 //! its Coulomb friction have used up all of `effort` but that share. Viscous damping slows it and stops nothing, so it counts with
 //! that share of `velocity` only. Against its stop the friction helps to hold it, and away from it it does not.
 
+mod search;
 mod weights;
 
 use super::Equipped;

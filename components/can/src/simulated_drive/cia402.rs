@@ -16,6 +16,8 @@ use crate::table::{ControlMode, LoopEntry, Table};
 const NO_OBJECT: u32 = 0x0602_0000;
 /// The object cannot be written.
 const READ_ONLY: u32 = 0x0601_0002;
+/// Code that refuses what its state does not allow.
+const NOT_NOW: u32 = 0x0800_0022;
 /// Error codes of emergency messages.
 const NO_HEARTBEAT: u16 = 0x8130;
 const TOO_HOT: u16 = 0x4310;
@@ -198,6 +200,9 @@ impl Cia402 {
                 Err(READ_ONLY)
             }
             Service::Write(object, _) if self.is_fixed(object) => Err(READ_ONLY),
+            Service::Write(object, _) if object.is_mapping() && self.network == NetworkState::Operational => {
+                Err(NOT_NOW)
+            }
             Service::Write(object, value) => self.put(object, value).map(|()| value),
         };
         self.node.service_answer(service, result)

@@ -3,11 +3,10 @@
 use core::f64::consts::TAU;
 
 use super::{BusEntry, BusKind, ControlMode, DriveEntry, Protocol, Table};
-use super::{current, homing};
+use super::{current, homing, wire};
 use crate::Range;
 use crate::bus::offered::Place;
 use crate::dynamixel;
-use crate::frame::Id;
 use crate::servo::{FAST_AROUND, FAST_HEAD, LONGEST};
 
 /// A mistake: the entry and its index, the value found, the advice.
@@ -131,6 +130,7 @@ fn check_protocols(table: &Table, bus: &BusEntry) -> Result<(), Refusal> {
             "put ODrives, CANopen drives, and the servos of each protocol on buses of their own",
         ));
     }
+    wire::check_forms(table, bus)?;
     if bus.kind == BusKind::Serial && on_bus().count() > SERVOS {
         let message = format!("bus `{}`: {} servos, expected at most {SERVOS}", bus.name, on_bus().count());
         return Err((message, "spread them over more lines"));
@@ -170,13 +170,15 @@ fn check_drive(table: &Table, index: usize) -> Result<(), Refusal> {
         let message = format!("node {} stands on that bus twice", drive.node);
         return refuse(message, "give each its own number");
     }
-    if let Some(mine) = table.drive(index)
-        && (mine.reply_id == mine.id() || matches!(mine.reply_id, Id::Standard(id) if id > 0x7fe))
-    {
-        return refuse("the identifier of its answers is taken".into(), "choose another `master`");
+    if drive.master.is_some_and(|master| master > 0x7fe) {
+        return refuse(
+            format!("answers with the identifier {:?}", drive.master),
+            "write a `master` up to 0x7FE",
+        );
     }
-    let ranges = table.ranges(index);
-    let valid = [ranges.position, ranges.velocity, ranges.torque, ranges.kp, ranges.kd];
+    wire::check_identifiers(table, index)?;
+    let (ranges, torque) = (drive.ranges.ranges(), table.ranges(index).torque);
+    let valid = [ranges.position, ranges.velocity, torque, ranges.kp, ranges.kd];
     if !valid.iter().all(Range::is_valid) {
         return refuse("a range that is not positive".into(), "write the largest value of each field");
     }
@@ -257,12 +259,7 @@ fn check_protocol(table: &Table, drive: &DriveEntry) -> Result<(), Refusal> {
     if drive.mode == Some(ControlMode::Velocity) && !is_cia402 {
         return Err(("velocities, which are a mode of CiA 402".into(), "write \"position\" or \"torque\""));
     }
-    if is_cia402 && !drive.watchdog.ns.is_multiple_of(1_000_000) {
-        return Err((
-            format!("a watchdog of {} ns", drive.watchdog.ns),
-            "write whole milliseconds: object 0x1016 has them",
-        ));
-    }
+    wire::check_fields(drive)?;
     if protocol == Protocol::Feetech && drive.watchdog.ns > 0 {
         let advice = "write `watchdog = \"0 s\"`, and `allow_no_watchdog = true` for the adapter: it holds its last goal";
         return Err(("a watchdog, which such a servo does not have".into(), advice));

@@ -188,13 +188,21 @@ impl DriveEntry {
         self.position_loop.unwrap_or(LoopEntry { kp: 20.0 * torque, kd: 2.0 * torque })
     }
 
-    /// Its ranges, with no more torque than its current gives.
+    /// Its ranges, with no more torque than its current gives, and of a moteus with no higher gains than those of its own loop.
     pub(super) fn limited_ranges(&self) -> mit::Ranges {
         let ranges = self.ranges.ranges();
         // one that cannot be is refused as such
         let torque = self.torque_of_current().filter(|torque| *torque > 0.0);
         let most = torque.map_or(ranges.torque.max, |torque| torque.min(ranges.torque.max));
-        mit::Ranges { torque: Range::symmetric(most), ..ranges }
+        let ranges = mit::Ranges { torque: Range::symmetric(most), ..ranges };
+        match self.protocol {
+            // it is told shares of the gains that stand in it, which end at one
+            Protocol::Moteus => {
+                let gains = self.loop_gains();
+                ranges.with_gains(ranges.kp.max.min(gains.kp), ranges.kd.max.min(gains.kd))
+            }
+            _ => ranges,
+        }
     }
 }
 

@@ -5,6 +5,7 @@ mod current;
 mod data_sheet;
 mod entries;
 mod homing;
+mod wire;
 
 use core::ops::Range as Span;
 use std::io;
@@ -233,9 +234,8 @@ impl Table {
         let is_fast = bus.is_some_and(|bus| bus.data_bitrate.is_some());
         match drive.protocol {
             Protocol::Feetech | Protocol::Dynamixel => Form::Packet,
+            Protocol::Damiao | Protocol::Moteus if is_fast => Form::FdFast,
             // their frames are classic ones on any bus
-            Protocol::Odrive | Protocol::Cia402 => Form::Classic,
-            _ if is_fast => Form::FdFast,
             _ => Form::Classic,
         }
     }

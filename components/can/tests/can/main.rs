@@ -31,5 +31,6 @@ mod servo;
 mod servo_line;
 mod slcan;
 mod table;
+mod wire_tables;
 
 motorium::count_allocations!();

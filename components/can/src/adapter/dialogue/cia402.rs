@@ -1,6 +1,6 @@
 //! The dialogue with drives of CiA 402: service data first, one object a cycle, then process data with each synchronisation.
 //!
-//! The set-up maps the process data, has the drive wait for the heartbeat of the adapter, which is its watchdog, and compares the
+//! The set-up stops process data, maps them, has the drive wait for the heartbeat of the adapter, which is its watchdog, and compares the
 //! rated torque with the table. Then the node is started, and the state machine led to enabled by the controlword.
 
 mod homing;
@@ -220,6 +220,10 @@ impl Cia402 {
 
     pub(super) fn write(&mut self, order: &Order, frames: &mut Vec<Frame>) {
         if let Order::Check(setting) = order {
+            if *setting == 0 {
+                // many drives refuse other mappings while process data flow, as they do since an adapter of before, or a trip
+                frames.push(self.node.network(NetworkCommand::PreOperational));
+            }
             frames.push(self.node.service(&self.setting(*setting)));
             return;
         }

@@ -5,15 +5,12 @@ use core::f64::consts::PI;
 use motorium_robots::{Dynamics, Joint, JointKind, Model};
 use nalgebra::{DMatrix, Vector3};
 
+use super::search::{self, Axis, Shape};
 use crate::HomingEntry;
 use crate::component::Equipped;
 
-/// Places of a coordinate that are tried over its range.
-const PLACES: usize = 9;
-/// Rounds over all coordinates, after which a search ends.
-const ROUNDS: usize = 8;
-/// Evaluations of the dynamics after which a search ends, from each of its starts.
-const EVALUATIONS: usize = 600;
+/// Poses spread over the ranges from which a search starts, beside those at their ends, their middles and home.
+const SPREAD: usize = 4;
 
 /// The places at which the other joints are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,8 +50,10 @@ pub(super) struct Weights<'a> {
     home: Vec<f64>,
     /// Range of each joint; of those that have been homed before no range.
     ranges: Vec<[f64; 2]>,
-    /// The joints on whose positions its weight and its inertia depend.
+    /// The joints on whose positions its weight depends.
     related: Vec<usize>,
+    /// Those of them on which its inertia depends: they are carried by it.
+    carried: Vec<usize>,
     /// Configuration, efforts and mass matrix that are worked on.
     q: Vec<f64>,
     efforts: Vec<f64>,
@@ -94,7 +93,8 @@ impl<'a> Weights<'a> {
             stop: entry.position.unwrap_or_default(),
             home,
             ranges,
-            related: related(model, joint),
+            related: related(model, joint, true),
+            carried: related(model, joint, false),
             q: model.neutral(),
             efforts: vec![0.0; model.nv()],
             mass: DMatrix::zeros(model.nv(), model.nv()),
@@ -118,24 +118,24 @@ impl<'a> Weights<'a> {
     pub(super) fn at_stop(&mut self, others: Others) -> Bounds {
         let stop = Some(self.stop);
         Bounds {
-            least: -self.largest(others, stop, |weights, q| -weights.against(q)),
-            most: self.largest(others, stop, Self::against),
+            least: -self.largest(Of::Weight, others, stop, |weights, q| -weights.against(q)),
+            most: self.largest(Of::Weight, others, stop, Self::against),
         }
     }
 
     /// The largest effort that holds the joint anywhere within its limits, in the direction to its stop.
     pub(super) fn on_the_way(&mut self, others: Others) -> f64 {
-        self.largest(others, None, Self::against)
+        self.largest(Of::Weight, others, None, Self::against)
     }
 
     /// The largest effort with which its weight pulls the joint to its stop.
     pub(super) fn helping(&mut self) -> f64 {
-        self.largest(Others::Anywhere, None, |weights, q| -weights.against(q))
+        self.largest(Of::Weight, Others::Anywhere, None, |weights, q| -weights.against(q))
     }
 
     /// The largest inertia at its stop, kg m2 or kg.
     pub(super) fn inertia_at_stop(&mut self) -> f64 {
-        self.largest(Others::Anywhere, Some(self.stop), Self::inertia)
+        self.largest(Of::Inertia, Others::Anywhere, Some(self.stop), Self::inertia)
     }
 
     /// The effort that holds the joint at these positions, in the direction to its stop.
@@ -165,65 +165,60 @@ impl<'a> Weights<'a> {
         mass[(place, place)]
     }
 
-    /// The largest value of a function of the positions, with the joint anywhere, or at `place`.
-    ///
-    /// Coordinate by coordinate, from several places: weights go with the sine of each angle, so such a search does not end far
-    /// from the top. It leaves out coordinates that do not matter or have no range, and ends after a bounded number of values.
-    fn largest(&mut self, others: Others, place: Option<f64>, value: fn(&mut Self, &[f64]) -> f64) -> f64 {
+    /// The largest value of a function of the positions, with the joint anywhere, or at `place`. Coordinates that do not matter or have
+    /// no range are left out.
+    fn largest(
+        &mut self,
+        of: Of,
+        others: Others,
+        place: Option<f64>,
+        value: fn(&mut Self, &[f64]) -> f64,
+    ) -> f64 {
         let mut ranges = match others {
             Others::AtHome => self.home.iter().map(|at| [*at, *at]).collect(),
             Others::Anywhere => self.ranges.clone(),
         };
         ranges[self.joint] = place.map_or(self.ranges[self.joint], |at| [at, at]);
-        let moving: Vec<usize> =
-            self.related.iter().copied().filter(|i| ranges[*i][0] < ranges[*i][1]).collect();
         let home: Vec<f64> =
             self.home.iter().zip(&ranges).map(|(at, [lower, upper])| at.clamp(*lower, *upper)).collect();
-        let mut most = value(self, &home);
-        if moving.is_empty() {
-            return most;
+        let matter = if of == Of::Weight { &self.related } else { &self.carried };
+        let moving = matter.iter().filter(|i| ranges[**i][0] < ranges[**i][1]);
+        let axis = |i: &usize| Axis { index: *i, range: ranges[*i], shape: self.shape(of, *i) };
+        let axes: Vec<Axis> = moving.map(axis).collect();
+        if axes.is_empty() {
+            return value(self, &home);
         }
-        let starts = [[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]];
-        let within = |share: [f64; 2]| ranges.iter().map(|[a, b]| share[0] * a + share[1] * b).collect();
-        let mut starts: Vec<Vec<f64>> = starts.map(within).into();
+        let pose = |share: &dyn Fn(usize) -> f64| {
+            ranges.iter().enumerate().map(|(i, [a, b])| a + share(i) * (b - a)).collect()
+        };
+        let mut starts: Vec<Vec<f64>> = [0.0, 1.0, 0.5].map(|share| pose(&|_| share)).into();
         starts.push(home);
-        for mut at in starts {
-            let mut best = value(self, &at);
-            let mut left = EVALUATIONS / PLACES;
-            for round in 0..ROUNDS {
-                let before = best;
-                for i in moving.iter().copied().take(left) {
-                    let [lower, upper] = ranges[i];
-                    let (center, half) = match round {
-                        0 | 1 => ((lower + upper) / 2.0, (upper - lower) / 2.0),
-                        // about where it is, ever finer
-                        _ => (at[i], (upper - lower) / f64::from(4_u32.pow(round as u32 - 1))),
-                    };
-                    for step in 0..PLACES {
-                        let share = 2.0 * step as f64 / (PLACES - 1) as f64 - 1.0;
-                        let old = at[i];
-                        at[i] = (center + share * half).clamp(lower, upper);
-                        let next = value(self, &at);
-                        if next > best {
-                            best = next;
-                        } else {
-                            at[i] = old;
-                        }
-                    }
-                }
-                left = left.saturating_sub(moving.len());
-                if left == 0 || round > 3 && best - before <= 1e-9 * best.abs() {
-                    break;
-                }
-            }
-            most = most.max(best);
+        // multiples of the golden ratio lie evenly
+        starts.extend((1..=SPREAD).map(|k| pose(&|i| ((i + 1) as f64 * k as f64 * 0.618_034).fract())));
+        search::largest(starts, &axes, |at| value(self, at))
+    }
+
+    /// The form of its weight or inertia over the position of a joint.
+    fn shape(&self, of: Of, joint: usize) -> Shape {
+        let follow = self.model.bodies().iter().filter(|body| body.joint.coordinate.index() == joint).count();
+        let has_spring = joint == self.joint && self.joint().dynamics.stiffness != 0.0;
+        match self.model.joint(joint).kind {
+            _ if follow != 1 || of == Of::Weight && has_spring => Shape::Unknown,
+            JointKind::Revolute | JointKind::Continuous => Shape::Turning,
+            JointKind::Prismatic => Shape::Sliding,
         }
-        most
     }
 }
 
-/// The joints between the base and the bodies that a joint moves, and those that these bodies carry; itself too.
-fn related(model: &Model, joint: usize) -> Vec<usize> {
+/// A quantity of which the largest value is sought.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Of {
+    Weight,
+    Inertia,
+}
+
+/// The joints that the bodies carry that a joint moves; itself too. With `above` also those between the base and these bodies.
+fn related(model: &Model, joint: usize, above: bool) -> Vec<usize> {
     let bodies = model.bodies();
     // parents stand before children
     let (mut carried, mut related) = (vec![false; bodies.len()], vec![false; model.joint_count()]);
@@ -231,10 +226,10 @@ fn related(model: &Model, joint: usize) -> Vec<usize> {
         let of = body.joint.coordinate.index();
         carried[i] = of == joint || body.parent.is_some_and(|parent| carried[parent]);
         related[of] |= carried[i];
-        let mut above = (of == joint).then_some(body.parent).flatten();
-        while let Some(parent) = above {
-            related[bodies[parent].joint.coordinate.index()] = true;
-            above = bodies[parent].parent;
+        let mut parent = (above && of == joint).then_some(body.parent).flatten();
+        while let Some(below) = parent {
+            related[bodies[below].joint.coordinate.index()] = true;
+            parent = bodies[below].parent;
         }
     }
     (0..related.len()).filter(|i| related[*i]).collect()
@@ -258,10 +253,16 @@ mod tests {
 
     /// A robot of these joints, each with the link that carries it; links of 1 kg lie along x, joints turn about y by up to 2 rad.
     fn robot(joints: &[(&str, &str)]) -> Model {
+        bent_robot(joints, |_| 0.0)
+    }
+
+    /// The same, with each joint turned by an angle where it is at zero.
+    fn bent_robot(joints: &[(&str, &str)], bend: fn(usize) -> f64) -> Model {
         let mut text = String::from("<robot name=\"chain\"><link name=\"base\"/>");
-        for (name, parent) in joints {
+        for (i, (name, parent)) in joints.iter().enumerate() {
+            let bend = bend(i);
             text += &format!(
-                "<joint name=\"{name}\" type=\"revolute\"><parent link=\"{parent}\"/><child link=\"{name}\"/><origin xyz=\"0.1 0 0\"/>\
+                "<joint name=\"{name}\" type=\"revolute\"><parent link=\"{parent}\"/><child link=\"{name}\"/><origin xyz=\"0.1 0 0\" rpy=\"0 {bend} 0\"/>\
                  <axis xyz=\"0 1 0\"/><limit lower=\"-2\" upper=\"2\" velocity=\"1\" effort=\"1\"/></joint><link name=\"{name}\"><inertial>\
                  <origin xyz=\"0.1 0 0\"/><mass value=\"1\"/><inertia ixx=\"1\" ixy=\"0\" ixz=\"0\" iyy=\"1\" iyz=\"0\" izz=\"1\"/></inertial></link>"
             );
@@ -270,29 +271,60 @@ mod tests {
         parse_urdf(&text, None, MimicMode::Follow, &PackagePath::default()).unwrap().model
     }
 
-    #[test]
-    fn a_search_ends_after_a_bounded_number_of_values_and_takes_one_where_nothing_moves() {
-        let names: Vec<String> = (0..30).map(|i| format!("j{i}")).collect();
+    const TABLE: &str = "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n[[drive]]\njoint = \"j3\"\nbus = \"can0\"\nprotocol = \"damiao\"\n\
+                         node = 1\nwatchdog = \"20 ms\"\nranges = { position = 12.5, velocity = 30.0, torque = 8.0 }\n\
+                         homing = { by = \"stop\", velocity = 0.1, effort = 0.4, position = 1.5 }\n";
+
+    /// A chain of so many joints, `j3` of which is homed.
+    fn chain(count: usize, bend: fn(usize) -> f64) -> Equipped {
+        let names: Vec<String> = (0..count).map(|i| format!("j{i}")).collect();
         let parents = std::iter::once("base").chain(names.iter().map(String::as_str));
         let joints: Vec<(&str, &str)> = names.iter().map(String::as_str).zip(parents).collect();
         let mut loaded = motorium_robots::load("planar-3r", std::path::Path::new(".")).unwrap();
-        (loaded.model, loaded.profile) = (robot(&joints), None);
-        let table = "[[bus]]\nname = \"can0\"\nbitrate = 1_000_000\n[[drive]]\njoint = \"j3\"\nbus = \"can0\"\nprotocol = \"damiao\"\nnode = 1\n\
-                     watchdog = \"20 ms\"\nranges = { position = 12.5, velocity = 30.0, torque = 8.0 }\n\
-                     homing = { by = \"stop\", velocity = 0.1, effort = 0.4, position = 1.5 }\n";
-        let equipped = Equipped { robot: loaded, table: Table::parse(table).unwrap(), order: vec![0; 30] };
+        (loaded.model, loaded.profile) = (bent_robot(&joints, bend), None);
+        Equipped { robot: loaded, table: Table::parse(TABLE).unwrap(), order: vec![0; count] }
+    }
+
+    #[test]
+    fn a_search_ends_after_a_bounded_number_of_values_and_takes_one_where_nothing_moves() {
+        let equipped = chain(30, |_| 0.0);
         let entry = equipped.table.drives[0].homing.clone().unwrap();
         let mut weights = Weights::new(&equipped, [0.0, 0.0, -9.81], 3, &entry, &[None; 30]);
         let mut values = |others, place| {
             COUNT.set(0);
-            weights.largest(others, place, counted);
+            weights.largest(Of::Weight, others, place, counted);
             COUNT.get()
         };
         assert_eq!(values(Others::AtHome, Some(1.5)), 1);
+        let (starts, most) = (4 + SPREAD, |axes| {
+            (4 + SPREAD) * (1 + search::ROUNDS * (axes * search::VALUES + search::FURTHER))
+        });
         let alone = values(Others::AtHome, None);
-        assert!((5..=4 * (1 + ROUNDS * PLACES) + 1).contains(&alone), "{alone}");
+        assert!((starts..=most(1)).contains(&alone), "{alone}");
         let all = values(Others::Anywhere, None);
-        assert!((4 * 30 * PLACES..=4 * (1 + EVALUATIONS) + 1).contains(&all), "{all}");
+        assert!((starts * 30..=most(30)).contains(&all), "{all}");
+    }
+
+    #[test]
+    fn however_many_joints_a_chain_has_its_largest_weight_and_inertia_are_those_of_the_stretched_chain() {
+        for count in [4, 8, 12, 16, 24] {
+            // stretched where no joint is at zero, in the middle or at an end of its range
+            let equipped = chain(count, |i| 0.37 + 0.9 * (1.7 * i as f64).sin());
+            let entry = equipped.table.drives[0].homing.clone().unwrap();
+            let others = vec![None; count];
+            let mut weights = Weights::new(&equipped, [0.0, 0.0, -9.81], 3, &entry, &others);
+            // centres of mass at 0.1 m, 0.2 m, ... behind the joint
+            let lengths = || (1..=count - 3).map(|i| 0.1 * i as f64);
+            let heaviest = 9.81 * lengths().sum::<f64>();
+            let inertia = lengths().map(|length| 1.0 + length * length).sum::<f64>();
+            let close = |found: f64, expected: f64| (found - expected).abs() < 1e-4 * expected;
+            let found = [weights.on_the_way(Others::Anywhere), weights.helping(), weights.inertia_at_stop()];
+            let expected = [heaviest, heaviest, inertia];
+            assert!(
+                found.iter().zip(expected).all(|(found, expected)| close(*found, expected)),
+                "{count} joints: {found:?} instead of {expected:?}"
+            );
+        }
     }
 
     #[test]
@@ -300,7 +332,10 @@ mod tests {
         let model = robot(&[("a1", "base"), ("a2", "a1"), ("b1", "a1"), ("b2", "b1"), ("c1", "base")]);
         let of = |name: &str| {
             let joint = model.joint_index(name).unwrap();
-            related(&model, joint).into_iter().map(|i| model.joint_names()[i].as_str()).collect::<Vec<_>>()
+            related(&model, joint, true)
+                .into_iter()
+                .map(|i| model.joint_names()[i].as_str())
+                .collect::<Vec<_>>()
         };
         let sorted = |name: &str| {
             let mut names = of(name);
@@ -310,5 +345,7 @@ mod tests {
         assert_eq!(sorted("a1"), ["a1", "a2", "b1", "b2"]);
         assert_eq!(sorted("b1"), ["a1", "b1", "b2"]);
         assert_eq!(sorted("c1"), ["c1"]);
+        let carried = related(&model, model.joint_index("b1").unwrap(), false);
+        assert_eq!(carried.len(), 2, "b1 and b2: {carried:?}");
     }
 }
