@@ -166,7 +166,7 @@ fn accelerations_alone_reach_the_goals_by_positions_with_all_of_the_gains_or_by_
 
 #[test]
 fn joints_that_are_held_for_want_of_a_solution_bear_their_weight_and_are_not_accelerated_any_more() {
-    let config = "{ inverse_dynamics = { on_infeasible = \"hold\" }, limits = { velocity = { fraction = 0.1 } }, \
+    let config = "{ inverse_dynamics = { on_infeasible = \"hold\", stiff_start = \"0 s\" }, limits = { velocity = { fraction = 0.1 } }, \
                   tasks = [{ constraint = { task = { cartesian = { gain = 20.0 } } } }, { posture = {} }] }";
     let commands = Probe::<JointCommand>::of("panda/joint_command").triggered();
     let states = Probe::<JointState>::of("panda/joint_state").triggered();

@@ -65,8 +65,8 @@ fn an_equality_without_an_entry_that_asks_for_something_is_infeasible() {
 fn bounds_whose_sides_are_one_are_held_from_the_start_and_let_go_when_they_open() {
     let (structure, open) = pressed();
     let mut closed = open.clone();
-    closed.lower.rows_mut(0, 20).fill(0.25);
-    closed.upper.rows_mut(0, 20).fill(0.25);
+    closed.lower.rows_mut(0, 20).fill(0.02);
+    closed.upper.rows_mut(0, 20).fill(0.02);
     let (mut one, mut two) = (
         ActiveSetSolver::new(structure.clone(), ActiveSetSettings::default()),
         ActiveSetSolver::new(structure, ActiveSetSettings::default()),
