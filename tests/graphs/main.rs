@@ -28,6 +28,7 @@ mod programs;
 mod recording;
 mod replays;
 mod runs;
+mod safe_stops;
 mod scores;
 mod sessions;
 mod siblings;

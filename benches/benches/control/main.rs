@@ -1,6 +1,6 @@
 //! Quadratic programs and whole control cycles: recorded streams through our solver beside Clarabel, differential inverse
 //! kinematics of an arm and of a humanoid, strict priorities, inverse dynamics on two feet, the horizon of a trot; or with `--peers` the same beside the
-//! solvers and libraries of PyPI, the sides in turn.
+//! solvers and libraries of PyPI, the sides in turn; or with `--tail` the slowest cycles of torques beside those of plain arithmetic.
 //!
 //! The streams are files of recorded problems (`motorium qp solve --help`): `MOTORIUM_QPS` names their folder, by default
 //! `../shared/qps` beside the repository. Without one, problems of our own cycles are used alone.
@@ -9,14 +9,20 @@ mod bipeds;
 mod peers;
 mod planner;
 mod streams;
+mod tail;
 mod torque;
 mod velocity;
 
 use bipeds::Biped;
 use criterion::Criterion;
-use torque::{Tasks, TorqueCycle};
+use torque::{Motion, Tasks, TorqueCycle};
 
 fn main() {
+    if std::env::args().any(|argument| argument == "--tail") {
+        let talos = peers::talos().map_err(|error| eprintln!("no Talos: {error}")).ok();
+        tail::measure(&Biped::catalogue(), talos.as_ref());
+        return;
+    }
     let streams = streams::all();
     if std::env::args().any(|argument| argument == "--peers") {
         peers::compare(&streams);
@@ -30,7 +36,7 @@ fn main() {
     group.bench_function("panda, two levels", |timer| timer.iter(velocity::panda(true)));
     group.bench_function("humanoid on held feet", |timer| timer.iter(velocity::on_held_feet(&humanoid)));
     group.bench_function("humanoid, four levels", |timer| timer.iter(velocity::in_four_levels(&humanoid)));
-    let mut torque = TorqueCycle::new(&humanoid, Tasks::Four);
+    let mut torque = TorqueCycle::new(&humanoid, Tasks::Four, Motion::ToAndFro);
     group.bench_function("humanoid, inverse dynamics on two soles", |timer| timer.iter(|| torque.run()));
     group.bench_function("quadruped, horizon of ten steps in a trot", |timer| timer.iter(planner::trot()));
     group.finish();

@@ -9,7 +9,7 @@ use std::time::Instant;
 use crate::bipeds::{Biped, Files};
 use crate::planner;
 use crate::streams::{Solves, Stream};
-use crate::torque::{Tasks, TorqueCycle};
+use crate::torque::{Motion, Tasks, TorqueCycle};
 use crate::velocity;
 
 /// Turns of each side, and cycles in a turn; a turn over a stream solves all of it.
@@ -63,8 +63,8 @@ pub(crate) fn compare(streams: &[Stream]) {
     Row::cycle("Panda, hand above posture", velocity::panda(true), Vec::new()).measure(&pythons);
     let humanoid = Biped::catalogue();
     Row::cycle("humanoid, four levels", velocity::in_four_levels(&humanoid), Vec::new()).measure(&pythons);
-    let mut torque = TorqueCycle::new(&humanoid, Tasks::Four);
-    Row::cycle("humanoid, torques, four tasks", move || torque.run(), Vec::new()).measure(&pythons);
+    let mut torque = TorqueCycle::new(&humanoid, Tasks::Four, Motion::ToAndFro);
+    Row::cycle("humanoid, torques, four tasks", move || _ = torque.run(), Vec::new()).measure(&pythons);
     Row::cycle("quadruped, horizon of ten steps", planner::trot(), Vec::new()).measure(&pythons);
     match talos {
         Err(error) => eprintln!(
@@ -74,11 +74,18 @@ pub(crate) fn compare(streams: &[Stream]) {
             let peers = at(|files| &files.talos, &["placo-talos"]);
             let cycle = velocity::on_held_feet(&talos);
             Row::cycle("Talos, held feet, com and hand", cycle, peers).measure(&pythons);
-            let mut torque = TorqueCycle::new(&talos, Tasks::Two);
+            let mut torque = TorqueCycle::new(&talos, Tasks::Two, Motion::ToAndFro);
             let peers = at(|files| &files.talos, &["tsid-talos"]);
-            Row::cycle("Talos, torques, com and posture", move || torque.run(), peers).measure(&pythons);
+            Row::cycle("Talos, torques, com and posture", move || _ = torque.run(), peers).measure(&pythons);
         }
     }
+}
+
+/// The reduced Talos, where the data of the peers are.
+pub(crate) fn talos() -> Result<Biped, String> {
+    let files =
+        Files::find(&python("MOTORIUM_PEER_PYTHON", "control"), Path::new(env!("CARGO_TARGET_TMPDIR")));
+    files.and_then(|files| Biped::talos(&files.talos))
 }
 
 /// The Python that a variable names, or that of the cache of the user.

@@ -26,10 +26,35 @@ pub(crate) enum Tasks {
     Four,
 }
 
+/// Order in which the states of its own motion are computed once more.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Motion {
+    /// To the last and back: neighbours follow each other.
+    ToAndFro,
+    /// Round and round: each thousandth follows on one that is far away.
+    Round,
+    /// Round, where the last is the first again: it leans over its left foot, lifts the right one, and sets it down.
+    Step,
+}
+
+/// A state along the motion.
+struct Moment {
+    q: Vec<f64>,
+    v: Vec<f64>,
+    /// Place of the centre of mass that is wanted.
+    wanted: Vector3<f64>,
+    /// Share of its load that the right foot bears; 0 where it is lifted.
+    load: f64,
+}
+
 pub(crate) struct TorqueCycle {
     model: Model,
-    states: Vec<(Vec<f64>, Vec<f64>)>,
+    moments: Vec<Moment>,
     next: usize,
+    /// True on the way back.
+    back: bool,
+    motion: Motion,
+    weight: f64,
     kinematics: Kinematics,
     control: InverseDynamics,
     centre: CentreOfMassAcceleration,
@@ -40,15 +65,15 @@ pub(crate) struct TorqueCycle {
 }
 
 impl TorqueCycle {
-    pub(crate) fn new(biped: &Biped, tasks: Tasks) -> Self {
+    pub(crate) fn new(biped: &Biped, tasks: Tasks, motion: Motion) -> Self {
         let (model, q) = (biped.model.clone(), biped.q.clone());
         let control = InverseDynamics::new(&model, biped.contacts.clone());
         let mut kinematics = Kinematics::new(&model);
         kinematics.update(&model, &q);
         let palm = biped.hands[0];
-        let mut centre = CentreOfMassAcceleration::new(&model, Feedback::critical(4.0)).weight(10.0);
+        let centre = CentreOfMassAcceleration::new(&model, Feedback::critical(4.0)).weight(10.0);
         let start = kinematics.centre_of_mass(&model).position;
-        centre.set_target(start + Vector3::new(0.01, 0.04, -0.02));
+        let above = kinematics.pose(&model, biped.feet[0]).translation.vector;
         let mut hand = CartesianAcceleration::new(&model, palm, Feedback::critical(8.0));
         let mut goal = kinematics.pose(&model, palm);
         goal.translation.vector += Vector3::new(0.1, 0.0, 0.15);
@@ -57,19 +82,27 @@ impl TorqueCycle {
         let mut cycle = Self {
             momentum: MomentumRate::angular(&model, 5.0).weights(0.0, 0.2),
             posture: posture.weight(0.1),
-            states: Vec::new(),
+            weight: 9.81 * model.mass(),
+            moments: Vec::new(),
             next: 0,
+            back: false,
             kinematics,
             control,
             centre,
             hand,
             model,
             tasks,
+            motion,
         };
         let (mut q, mut v) = (q, vec![0.0; cycle.model.nv()]);
-        for _ in 0..1000 {
-            cycle.states.push((q.clone(), v.clone()));
-            cycle.next = cycle.states.len() - 1;
+        for tick in 0..if motion == Motion::Step { 6000 } else { 1000 } {
+            let (lean, load) = step(motion, f64::from(tick) * DT);
+            let wanted = match motion {
+                Motion::Step => start + lean * Vector3::new(above.x - start.x, above.y - start.y, -0.02),
+                _ => start + Vector3::new(0.01, 0.04, -0.02),
+            };
+            cycle.moments.push(Moment { q: q.clone(), v: v.clone(), wanted, load });
+            cycle.next = cycle.moments.len() - 1;
             cycle.run();
             let a = cycle.control.solution().acceleration.clone();
             let step: Vec<f64> = v.iter().zip(a.iter()).map(|(v, a)| (v + 0.5 * a * DT) * DT).collect();
@@ -77,15 +110,29 @@ impl TorqueCycle {
             cycle.model.integrate(&from, &step, &mut q);
             v.iter_mut().zip(a.iter()).for_each(|(v, a)| *v += a * DT);
         }
-        cycle.next = 0;
+        (cycle.next, cycle.back) = (0, false);
         cycle
     }
 
-    pub(crate) fn run(&mut self) {
-        let (q, v) = &self.states[self.next];
-        self.next = (self.next + 1) % self.states.len();
+    /// Computes the torques of the next state. Returns the iterations of the solver.
+    pub(crate) fn run(&mut self) -> u32 {
+        let moment = &self.moments[self.next];
+        let last = self.moments.len() - 1;
+        (self.next, self.back) = match (self.motion, self.back, self.next) {
+            (Motion::ToAndFro, false, next) if next < last => (next + 1, false),
+            (Motion::ToAndFro, true, next) if next > 0 => (next - 1, true),
+            (Motion::ToAndFro, back, next) => (next, !back),
+            (_, _, next) => ((next + 1) % self.moments.len(), false),
+        };
+        let (q, v) = (&moment.q, &moment.v);
         self.kinematics.update_with_velocity(&self.model, q, v);
         let state = MotionState { model: &self.model, kinematics: &self.kinematics, q, v };
+        self.centre.set_target(moment.wanted);
+        if self.motion == Motion::Step {
+            self.control.set_active(1, moment.load > 0.0);
+            let most = if moment.load < 1.0 { moment.load * 0.5 * self.weight } else { f64::INFINITY };
+            self.control.set_max_force(1, most);
+        }
         self.control.begin(&state, DT);
         let tasks: [&mut dyn AccelerationTask; 4] =
             [&mut self.centre, &mut self.posture, &mut self.momentum, &mut self.hand];
@@ -93,13 +140,27 @@ impl TorqueCycle {
         for task in tasks.into_iter().take(count) {
             self.control.add_task(&state, 0, task);
         }
-        std::hint::black_box(self.control.solve().expect("it stands"));
+        std::hint::black_box(self.control.solve().expect("it stands")).iterations
     }
+}
+
+/// Share of the way to its left foot at which the centre of mass is wanted at a time \[s\], and the share of its load that the right one bears.
+fn step(motion: Motion, t: f64) -> (f64, f64) {
+    if motion != Motion::Step {
+        return (0.0, 1.0);
+    }
+    let smooth = |t: f64| {
+        let t = t.clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    };
+    let lean = smooth(t) - smooth(t - 3.5);
+    let load = (1.0 - 10.0 * (t - 2.0)).clamp(0.0, 1.0) + (10.0 * (t - 3.0)).clamp(0.0, 1.0);
+    (lean, load)
 }
 
 /// The problems of the humanoid of the catalogue along its motion.
 pub(crate) fn problems() -> (Structure, Vec<Problem>) {
-    let mut cycle = TorqueCycle::new(&Biped::catalogue(), Tasks::Four);
+    let mut cycle = TorqueCycle::new(&Biped::catalogue(), Tasks::Four, Motion::Round);
     let mut problems = Vec::new();
     for _ in 0..300 {
         cycle.run();

@@ -174,6 +174,7 @@ impl<S: QpSolver> DifferentialIk<S> {
         self.unhurried[0].copy_from(&self.problem.lower);
         self.unhurried[1].copy_from(&self.problem.upper);
         self.is_narrowed = true;
+        self.before.rows_mut(0, self.motions).copy_from_slice(before);
         limit.narrow(state, before, dt, &mut self.problem);
     }
 

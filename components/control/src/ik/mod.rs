@@ -90,6 +90,8 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     /// Bounds without the limit of accelerations, and whether there is one.
     unhurried: [DVector<f64>; 2],
     is_narrowed: bool,
+    /// Velocities of the tick before, where there is one.
+    before: DVector<f64>,
     /// True if the last solution is beyond it.
     is_hurried: bool,
     /// For each row whether its limit may give way.
@@ -188,6 +190,7 @@ impl<S: QpSolver> DifferentialIk<S> {
             relaxed: settings.relaxation.map(|weight| Relaxed::new(solver.structure(), weight)),
             conflict: None,
             unhurried: [DVector::zeros(variables), DVector::zeros(variables)],
+            before: DVector::zeros(variables),
             is_narrowed: false,
             is_hurried: false,
             is_soft: vec![false; problem.row_lower.len()],

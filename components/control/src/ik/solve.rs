@@ -1,18 +1,22 @@
 //! The solution of a tick: the first level, those below it, and ticks whose constraints contradict each other.
 
 use super::{Below, DifferentialIk, IkConflict, IkError};
+use crate::limits::are_alike;
 use crate::solver::{Conflict, Constraint, QpSolver, Side, Solution, SolveError};
 
 /// Solutions of a tick in which only those give way that a contradiction names, before all do.
-const NAMED: u32 = 6;
-/// Cosine of the angle between rows that are nearly the same.
-const ALIKE: f64 = 0.9;
+const NAMED: u32 = 8;
+/// Share of the largest change of a velocity by which a way back is to become faster in a tick: what is left is for the other rows.
+const HASTE: f64 = 0.5;
+/// Number of times that ways back halve this change, before they are given up.
+const EASED: u32 = 2;
 
 impl<S: QpSolver> DifferentialIk<S> {
     /// Solves the posed problem and returns the joint velocity, exactly within its bounds.
     ///
-    /// Where constraints contradict each other, first what is beyond a limit [stays](crate::limits::LimitRows::push_barrier) instead of
-    /// coming back. Then joints brake faster than the limit of [accelerations](Self::add_acceleration_limit) has it, those first that
+    /// What is beyond a limit comes back no faster than the limit of accelerations lets it become. Where constraints contradict each other,
+    /// first of what comes back and has a part in the contradiction that [stays](crate::limits::LimitRows::push_barrier) which is least
+    /// beyond its limit. Then joints brake faster than the limit of [accelerations](Self::add_acceleration_limit) has it, those first that
     /// have a part in the contradiction; none speeds up faster, unless a contact or a task that holds exactly asks for it. At last, with a
     /// [relaxation](super::IkSettings::relaxation), contacts and tasks that hold exactly give way;
     /// [`conflict`](Self::conflict) names what contradicts, and says by how much.
@@ -21,10 +25,15 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// [`IkError`]; [`velocity`](Self::velocity) is zero then.
     pub fn solve(&mut self) -> Result<&[f64], IkError> {
         (self.conflict, self.is_hurried, self.iterations) = (None, false, 0);
+        self.slow_returns();
         let mut decided = self.solve_first();
-        let mut named = NAMED;
+        let (mut named, mut eased) = (NAMED, if self.is_narrowed { EASED } else { 0 });
         while let Err(IkError::Solve(SolveError::Infeasible { conflict })) = &decided {
             let gives_way = match named.checked_sub(1) {
+                Some(_) if eased > 0 && self.ease_returns(conflict) => {
+                    eased -= 1;
+                    true
+                }
                 Some(left) if self.give_up_named(conflict) => {
                     named = left;
                     true
@@ -66,23 +75,26 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
     }
 
-    /// Lets what a contradiction names stay beyond its limit, with the rows that are alike; if nothing of it has to come back, lets the joints that it names brake at
-    /// once. False if it names neither.
+    /// Lets that row of a contradiction stay beyond its limit which is least beyond it, with the rows that are alike; if nothing of it has to
+    /// come back, lets the joints that it names brake at once. False if it names neither.
     fn give_up_named(&mut self, conflict: &Conflict) -> bool {
-        let mut stays = false;
+        let mut least: Option<(f64, usize)> = None;
         for constraint in conflict.constraints() {
             let Constraint::Row(row, _) = constraint else { continue };
-            if !self.give_up_return_of(row) {
-                continue;
+            let wanted = self.problem.row_lower[row].max(-self.problem.row_upper[row]);
+            // of those that are equally fast the nearest pairs, which come first, come back
+            let less = least.is_none_or(|(other, before)| wanted < other || wanted == other && row > before);
+            if self.returns(row) && less {
+                least = Some((wanted, row));
             }
-            stays = true;
+        }
+        if let Some((_, row)) = least {
+            self.give_up_return_of(row);
             for other in 0..self.next_row {
-                if self.is_alike(row, other) {
+                if are_alike(&self.problem.row_matrix, row, other) {
                     self.give_up_return_of(other);
                 }
             }
-        }
-        if stays {
             return true;
         }
         let mut brakes = false;
@@ -103,20 +115,78 @@ impl<S: QpSolver> DifferentialIk<S> {
         stays
     }
 
-    /// The same for one row. A soft limit gives way by itself.
+    /// The same for one row.
     fn give_up_return_of(&mut self, row: usize) -> bool {
-        let (lower, upper) = (&mut self.problem.row_lower[row], &mut self.problem.row_upper[row]);
-        if self.is_soft[row] || *lower <= 0.0 && *upper >= 0.0 {
+        let returns = self.returns(row);
+        if returns {
+            let (lower, upper) = (&mut self.problem.row_lower[row], &mut self.problem.row_upper[row]);
+            (*lower, *upper) = (lower.min(0.0), upper.max(0.0));
+        }
+        returns
+    }
+
+    /// True if a row has to come back. A soft limit gives way by itself.
+    fn returns(&self, row: usize) -> bool {
+        !self.is_soft[row] && (self.problem.row_lower[row] > 0.0 || self.problem.row_upper[row] < 0.0)
+    }
+
+    /// With a limit of accelerations, lets what comes back become faster by [`HASTE`] of what it could at most.
+    fn slow_returns(&mut self) {
+        if !self.is_narrowed {
+            return;
+        }
+        for row in 0..self.next_row {
+            if !self.returns(row) {
+                continue;
+            }
+            let (now, least, largest) = self.range(row);
+            let (lower, upper) = (&mut self.problem.row_lower[row], &mut self.problem.row_upper[row]);
+            if *lower > 0.0 {
+                *lower = (now + HASTE * (largest - now)).clamp(0.0, *lower);
+            }
+            if *upper < 0.0 {
+                *upper = (now + HASTE * (least - now)).clamp(*upper, 0.0);
+            }
+        }
+    }
+
+    /// Halves the changes of velocity that ways back ask for. False if the contradiction names no way back, or no joint that could hurry.
+    fn ease_returns(&mut self, conflict: &Conflict) -> bool {
+        let names = |wanted: &dyn Fn(Constraint) -> bool| conflict.constraints().any(wanted);
+        let returns = names(&|constraint| matches!(constraint, Constraint::Row(row, _) if self.returns(row)));
+        if !returns || !names(&|constraint| matches!(constraint, Constraint::Bound(..))) {
             return false;
         }
-        (*lower, *upper) = (lower.min(0.0), upper.max(0.0));
+        for row in 0..self.next_row {
+            if !self.returns(row) {
+                continue;
+            }
+            let (now, ..) = self.range(row);
+            let (lower, upper) = (&mut self.problem.row_lower[row], &mut self.problem.row_upper[row]);
+            if *lower > 0.0 {
+                *lower -= 0.5 * (*lower - now.max(0.0)).max(0.0);
+            }
+            if *upper < 0.0 {
+                *upper += 0.5 * (now.min(0.0) - *upper).max(0.0);
+            }
+        }
         true
     }
 
-    /// True if two rows move by nearly the same motions, as those of one pair of solids do.
-    fn is_alike(&self, row: usize, other: usize) -> bool {
-        let (row, other) = (self.problem.row_matrix.row(row), self.problem.row_matrix.row(other));
-        row.dot(&other) >= ALIKE * row.norm() * other.norm()
+    /// The present velocity along a row, and the least and the largest that the bounds of the joints admit.
+    fn range(&self, row: usize) -> (f64, f64, f64) {
+        let (mut now, mut least, mut largest) = (0.0, 0.0, 0.0);
+        for variable in 0..self.motions {
+            let entry = self.problem.row_matrix[(row, variable)];
+            if entry == 0.0 {
+                continue;
+            }
+            let (lower, upper) = (self.problem.lower[variable], self.problem.upper[variable]);
+            now += entry * self.before[variable].max(lower).min(upper);
+            least += (entry * lower).min(entry * upper);
+            largest += (entry * lower).max(entry * upper);
+        }
+        (now, least, largest)
     }
 
     /// Lets all joints brake as fast as they have to. False if they may already.

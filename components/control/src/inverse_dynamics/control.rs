@@ -31,6 +31,7 @@ pub struct InverseDynamics {
     pub(super) dynamics: Dynamics,
     pub(super) mass: DMatrix<f64>,
     pub(super) bias: DVector<f64>,
+    pub(super) weight: DVector<f64>,
     pub(super) problem: Problem,
     structure: Structure,
     pub(super) solver: FirstLevel,
@@ -110,6 +111,7 @@ impl InverseDynamics {
             dynamics: Dynamics::new(model),
             mass: DMatrix::zeros(nv, nv),
             bias: DVector::zeros(nv),
+            weight: DVector::zeros(nv),
             problem: Problem::new(&structure),
             structure,
             solver: match cones {
@@ -230,11 +232,7 @@ impl InverseDynamics {
     /// [`InverseDynamicsError`]: nothing satisfies all constraints and nothing may be relaxed, or the solver reached its limit.
     pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
         (self.solution.slack, self.solution.undecided) = (None, 0);
-        let mut decided = self.solve_first()?;
-        if matches!(decided, Err(SolveError::Infeasible { .. })) && self.give_up_return() {
-            decided = self.solve_first()?;
-        }
-        match decided {
+        match self.solve_returning()? {
             Ok(()) => {
                 let mut active = 0;
                 self.visit_active(&mut |_| active += 1);

@@ -7,8 +7,8 @@ use super::control::InverseDynamics;
 use super::tasks::AccelerationTask;
 use super::{MotionState, WrenchCone};
 use crate::RobotState;
-use crate::limits::{LimitRows, RowLimit};
-use crate::solver::{SolveError, UpdateError};
+use crate::limits::{LimitRows, RowLimit, are_alike};
+use crate::solver::{Conflict, Constraint, SolveError, UpdateError};
 
 /// Numbers of rows that an [`InverseDynamics`] has room for besides contacts, torques and joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,9 +27,49 @@ pub(super) struct Predicted {
     step: Vec<f64>,
     /// True if it was computed in this tick.
     pub(super) ready: bool,
-    /// Rows that ask for a way back behind their limit, with the bounds by which they do not.
-    returning: Vec<(usize, f64, f64)>,
+    /// Rows that ask for a way back behind their limit.
+    returning: Vec<Return>,
 }
+
+/// A row that asks for a way back behind its limit.
+#[derive(Clone, Copy, Debug)]
+struct Return {
+    row: usize,
+    /// Speed with which it is to come back.
+    speed: f64,
+    /// Bounds of the acceleration that bring it to this speed, and those by which it stays where it is.
+    back: (f64, f64),
+    stay: (f64, f64),
+    /// Share of the first that it asks for; 0 where it stays.
+    share: f64,
+}
+
+impl Return {
+    /// Asks for less, if that may be of use, or for nothing but to stay.
+    fn give_way(&mut self, eases: bool) {
+        self.share = if eases && self.share > LEAST { self.share * EASE } else { 0.0 };
+    }
+
+    /// The bounds of its acceleration: it keeps at least its speed while it comes back.
+    fn bounds(&self) -> (f64, f64) {
+        let (Self { back, stay, share, .. }, mut bounds) = (*self, self.stay);
+        if share > 0.0 && back.0 > stay.0 {
+            let kept = stay.0.max(back.0.min(0.0));
+            bounds.0 = kept + share * (back.0 - kept);
+        }
+        if share > 0.0 && back.1 < stay.1 {
+            let kept = stay.1.min(back.1.max(0.0));
+            bounds.1 = kept + share * (back.1 - kept);
+        }
+        bounds
+    }
+}
+
+/// Share of itself that a way back asks for when constraints contradict it, and the share of all at which it stays instead.
+const EASE: f64 = 0.125;
+const LEAST: f64 = 0.1;
+/// Solutions of a tick in which only ways back give way that a contradiction names, before all do.
+const NAMED: u32 = 8;
 
 impl Predicted {
     pub(super) fn new(model: &Model, limits: usize) -> Self {
@@ -59,8 +99,8 @@ impl InverseDynamics {
     ///
     /// so that `e >= 0` and with it `h >= 0` hold from every state in which they do, up to `a dt^2 / 2`. (Nguyen and Sreenath,
     /// *Exponential control barrier functions for enforcing high relative-degree safety-critical constraints*, 2016.) Where constraints
-    /// contradict each other, what is beyond a limit first stays there instead of coming back; where torques or contacts do not even
-    /// allow that, limits give way as those of the joints do.
+    /// contradict each other, of what is beyond a limit and has a part in it the least first comes back more slowly, or stays there; where
+    /// torques or contacts do not even allow that, limits give way as those of the joints do.
     ///
     /// ```
     /// use motorium_control::inverse_dynamics::{DynamicsRows, InverseDynamics, InverseDynamicsSettings, MotionState};
@@ -117,27 +157,72 @@ impl InverseDynamics {
             let moving: f64 = v.iter().enumerate().map(|(j, v)| problem.row_matrix[(row, j)] * v).sum();
             let (lower, upper) = (problem.row_lower[row], problem.row_upper[row]);
             if lower > 0.0 || upper < 0.0 {
-                let staying = (-shrink(moving - lower.min(0.0)), shrink(upper.max(0.0) - moving));
-                predicted.returning.push((row, staying.0, staying.1));
+                let stay = (-shrink(moving - lower.min(0.0)), shrink(upper.max(0.0) - moving));
+                let back = (-shrink(moving - lower), shrink(upper - moving));
+                predicted.returning.push(Return { row, speed: lower.max(-upper), back, stay, share: 1.0 });
             }
             problem.row_upper[row] = shrink(upper - moving);
             problem.row_lower[row] = -shrink(moving - lower);
         }
     }
 
-    /// Lets what is beyond a limit stay there, instead of coming back. False if nothing has to come back.
-    pub(super) fn give_up_return(&mut self) -> bool {
-        let Some(predicted) = self.predicted.as_mut().filter(|ahead| !ahead.returning.is_empty()) else {
+    /// Solves the first level. Where constraints contradict each other, of the ways back behind a limit that have a part in it that gives
+    /// way which is the slowest: first it asks for less acceleration, then for none. The others come back.
+    pub(super) fn solve_returning(&mut self) -> Result<Result<(), SolveError>, UpdateError> {
+        let mut decided = self.solve_first()?;
+        let mut named = NAMED;
+        while let Err(SolveError::Infeasible { conflict }) = &decided {
+            let conflict = match &self.reduced {
+                Some(reduced) => reduced.conflict(&self.order, conflict),
+                None => *conflict,
+            };
+            if !(named > 0 && self.give_up_named(&conflict) || self.give_up_return()) {
+                break;
+            }
+            named = named.saturating_sub(1);
+            decided = self.solve_first()?;
+        }
+        Ok(decided)
+    }
+
+    /// Lets the slowest way back that a contradiction names ask for less, with the rows that are alike. False if it names none.
+    fn give_up_named(&mut self, conflict: &Conflict) -> bool {
+        let Some(predicted) = &mut self.predicted else { return false };
+        let problem = &mut self.problem;
+        let named =
+            |row| conflict.constraints().any(|found| matches!(found, Constraint::Row(of, _) if of == row));
+        let asking = predicted.returning.iter().filter(|way| way.share > 0.0 && named(way.row));
+        // of those that are equally fast the nearest pairs, which come first, come back
+        let Some(slowest) = asking.rev().min_by(|a, b| a.speed.total_cmp(&b.speed)).map(|way| way.row) else {
             return false;
         };
-        for (row, lower, upper) in predicted.returning.drain(..) {
-            (self.problem.row_lower[row], self.problem.row_upper[row]) = (lower, upper);
+        // distances that contradict each other do so at any acceleration
+        let first = self.order.first_limit();
+        let eases =
+            !conflict.constraints().all(|found| matches!(found, Constraint::Row(row, _) if row >= first));
+        for way in predicted.returning.iter_mut().filter(|way| way.share > 0.0) {
+            if way.row == slowest || are_alike(&problem.row_matrix, slowest, way.row) {
+                way.give_way(eases);
+                (problem.row_lower[way.row], problem.row_upper[way.row]) = way.bounds();
+            }
         }
         true
     }
 
+    /// Lets all that is beyond a limit stay there. False if nothing has to come back.
+    fn give_up_return(&mut self) -> bool {
+        let Some(predicted) = &mut self.predicted else { return false };
+        let mut gave_up = false;
+        for way in predicted.returning.iter_mut().filter(|way| way.share > 0.0) {
+            way.share = 0.0;
+            (self.problem.row_lower[way.row], self.problem.row_upper[way.row]) = way.stay;
+            gave_up = true;
+        }
+        gave_up
+    }
+
     /// Decides the unknowns by the first level alone.
-    pub(super) fn solve_first(&mut self) -> Result<Result<(), SolveError>, UpdateError> {
+    fn solve_first(&mut self) -> Result<Result<(), SolveError>, UpdateError> {
         let posed = match &mut self.reduced {
             Some(reduced) => reduced.pose(&self.order, &mut self.problem),
             None => &self.problem,

@@ -73,6 +73,7 @@ mod cone_level;
 mod contact;
 mod contact_forces;
 mod control;
+mod holding;
 mod joints;
 mod limits;
 mod mixture;

@@ -16,6 +16,7 @@ pub use cartesian_velocity::CartesianVelocityLimit;
 pub use centre_of_mass_velocity::CentreOfMassVelocityLimit;
 pub use collision::{CollisionLimit, CollisionSettings};
 pub use position::PositionLimit;
+pub(crate) use rows::are_alike;
 pub use rows::{LimitRows, RowLimit};
 pub use support::{SupportLimit, Supported};
 pub use velocity::VelocityLimit;

@@ -1,6 +1,6 @@
 //! Limits of combinations of velocities.
 
-use nalgebra::Isometry3;
+use nalgebra::{DMatrix, Isometry3};
 
 use crate::{RobotState, solver::Problem};
 
@@ -87,4 +87,13 @@ impl<'a> LimitRows<'a> {
         self.problem.row_upper[self.next] = upper;
         self.next += 1;
     }
+}
+
+/// Cosine of the angle between rows that are nearly the same.
+const ALIKE: f64 = 0.9;
+
+/// True if two rows move by nearly the same motions, as those of one pair of solids do.
+pub(crate) fn are_alike(rows: &DMatrix<f64>, row: usize, other: usize) -> bool {
+    let (row, other) = (rows.row(row), rows.row(other));
+    row.dot(&other) >= ALIKE * row.norm() * other.norm()
 }

@@ -7,7 +7,7 @@ use motorium_control::{
     limits::{AccelerationLimit, CollisionLimit, CollisionSettings, PositionLimit, RowLimit, VelocityLimit},
     tasks::{PostureSettings, PostureTask},
 };
-use motorium_robots::{CollisionModel, CollisionOptions, Kinematics};
+use motorium_robots::{CollisionModel, CollisionOptions, Collisions, Geometry, Kinematics, MeshMode};
 use nalgebra::{DVector, Isometry3};
 
 use crate::component::number;
@@ -120,7 +120,7 @@ fn where_a_distance_asks_for_more_it_is_kept_and_joints_brake_faster_and_none_sp
         down[6] += 1.0;
         down[7] = panda.model.upper()[7];
         let mut kinematics = Kinematics::new(&panda.model);
-        let mut measure = motorium_robots::Collisions::new(&solids);
+        let mut measure = Collisions::new(&solids);
         let (mut smallest, mut given_up, mut steps) = (f64::INFINITY, 0, 0);
         let (mut speeding_up, mut apart) = (0.0_f64, 0.0_f64);
         move_to(&panda, &[down.as_slice().to_vec()], &limit, Some(&solids), |before, v, q, hurried| {
@@ -139,6 +139,56 @@ fn where_a_distance_asks_for_more_it_is_kept_and_joints_brake_faster_and_none_sp
         assert!(given_up > 0 && given_up < steps / 2, "{given_up} of {steps}");
         assert!(speeding_up <= most * (1.0 + 1e-3), "{speeding_up} of {most} rad/s2");
         assert!(words.len() > 1 || apart <= most * (1.0 + 1e-3), "{apart} of {most} m/s2");
+    }
+}
+
+/// A table so far below the fingers that their distance from it is `distance`.
+fn table_below(panda: &Panda, distance: f64) -> CollisionModel {
+    let options = CollisionOptions { self_collision: false, ..CollisionOptions::default() };
+    let with = |height: f64| {
+        let mut solids = CollisionModel::new(&panda.model, &options).unwrap();
+        let at = panda.hand_at(panda.home.as_slice()).translation.vector;
+        let table = Geometry::Box { size: nalgebra::Vector3::new(0.4, 0.4, 0.1) };
+        let at = Isometry3::translation(at.x, at.y, height - 0.05);
+        solids.add_obstacle("table", at, table, MeshMode::default()).unwrap();
+        solids
+    };
+    let far = with(0.0);
+    let (mut kinematics, mut measure) = (Kinematics::new(&panda.model), Collisions::new(&far));
+    kinematics.update(&panda.model, panda.home.as_slice());
+    measure.update(&far, &kinematics);
+    with(measure.nearest(&far).unwrap().distance - distance)
+}
+
+#[test]
+fn a_hand_too_near_to_a_table_comes_back_as_fast_as_its_joints_can_become() {
+    let panda = Panda::new();
+    let mut down = panda.home.clone();
+    down[1] += 0.3;
+    let postures = |posture: &DVector<f64>| vec![posture.as_slice().to_vec(); 4];
+    for most in [20.0, 0.5, 0.05] {
+        let limit = AccelerationLimit::new(&panda.model, DVector::repeat(8, most), PositionLimit::default());
+        // it is to stay where it is, or presses on the table
+        for posture in [&panda.home, &down] {
+            let solids = table_below(&panda, 0.01);
+            let (mut kinematics, mut measure) = (Kinematics::new(&panda.model), Collisions::new(&solids));
+            let (mut distances, mut largest) = (Vec::new(), 0.0_f64);
+            move_to(&panda, &postures(posture), &limit, Some(&solids), |before, v, q, hurried| {
+                assert!(!hurried, "{most}");
+                kinematics.update(&panda.model, q);
+                measure.update(&solids, &kinematics);
+                distances.push(measure.nearest(&solids).unwrap().distance);
+                let changes = v.iter().zip(before).map(|(v, before)| (v - before).abs() / DT);
+                largest = changes.fold(largest, f64::max);
+            });
+            assert!(largest <= most * (1.0 + 1e-3), "{largest} of {most}");
+            let (last, fastest) = (distances[distances.len() - 1], distances.windows(2));
+            let fastest = fastest.map(|pair| (pair[1] - pair[0]) / DT).fold(0.0, f64::max);
+            assert!(last > 0.03 - 1e-4, "{most}: it comes back: {last}");
+            assert!(fastest < 0.0105, "{most}: no faster than it is to: {fastest}");
+            let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
+            assert!(nearest > 0.01 - 1e-4, "{most}: {nearest}");
+        }
     }
 }
 

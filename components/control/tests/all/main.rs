@@ -22,10 +22,12 @@ mod random_problems;
 mod recorded_problems;
 mod robot;
 mod setpoint;
+mod single_precision;
 mod strides;
 mod tasks;
 mod torque;
 mod torque_kinds;
+mod warm_starts;
 mod wheels;
 mod world;
 

@@ -1,7 +1,10 @@
 //! `control.qp` that computes torques: a Panda in a graph.
 
 use motorium::launcher::Report;
-use motorium::testing::Graph;
+use motorium::prelude::*;
+use motorium::testing::{Graph, Probe};
+use motorium_robots::Dynamics;
+use nalgebra::{DVector, Vector3};
 
 use crate::component::number;
 use crate::graph::{Targets, bare_controller, controller, graph, run};
@@ -159,4 +162,40 @@ fn accelerations_alone_reach_the_goals_by_positions_with_all_of_the_gains_or_by_
         let controller = report.components.iter().find(|component| component.name == "controller").unwrap();
         assert_eq!((controller.allocations, controller.allocations_apart), (Some(0), Some(0)));
     }
+}
+
+#[test]
+fn joints_that_are_held_for_want_of_a_solution_bear_their_weight_and_are_not_accelerated_any_more() {
+    let config = "{ inverse_dynamics = { on_infeasible = \"hold\", stiff_start = \"0 s\" }, limits = { velocity = { fraction = 0.1 } }, \
+                  tasks = [{ constraint = { task = { cartesian = { gain = 20.0 } } } }, { posture = {} }] }";
+    let commands = Probe::<JointCommand>::of("panda/joint_command").triggered();
+    let states = Probe::<JointState>::of("panda/joint_state").triggered();
+    let report = run(graph("{}", Targets::default(), controller(config)).with(&commands).with(&states));
+    let unsolved = report.results["controller"]["steps_without_solution"].as_u64().unwrap();
+    assert!(unsolved > 100, "{}", report.results["controller"]);
+    let robot = motorium_robots::load("panda", std::path::Path::new(".")).unwrap();
+    let (model, mut dynamics) = (&robot.model, Dynamics::new(&robot.model));
+    let mut weight = |q: &[f64]| {
+        let mut weight = DVector::zeros(model.nv());
+        dynamics.gravity(model, q, Vector3::new(0.0, 0.0, -9.81), weight.as_mut_slice());
+        weight
+    };
+    let (commands, states) = (commands.values(), states.values());
+    let (mut held, mut accelerated) = (0, 0);
+    for (index, command) in commands.iter().enumerate() {
+        // the state that the command was made of
+        let near = &states[index.saturating_sub(2)..(index + 3).min(states.len())];
+        let effort = DVector::from_column_slice(command.effort());
+        let far = near.iter().map(|state| (&effort - weight(state.position())).amax());
+        let far = far.fold(f64::INFINITY, f64::min);
+        // joints that are held have their gains, those that are moved by torques have none
+        match command.kp()[0] > 0.0 {
+            true => {
+                assert!(far < 1e-9, "{index}: {far} Nm beyond its weight");
+                held += 1;
+            }
+            false => accelerated += u32::from(far > 0.1),
+        }
+    }
+    assert!(held > 100 && accelerated > 100, "{held} held, {accelerated} accelerated");
 }

@@ -71,3 +71,29 @@ fn a_humanoid_shifts_its_weight_and_its_feet_stay_where_they_are() {
         assert!(now.rotation.angle_to(&sole.rotation) < 1e-3, "{now}");
     }
 }
+
+#[test]
+fn the_torques_of_a_robot_that_is_held_are_those_of_standing_not_those_of_moving() {
+    let robot = Robot::new("humanoid");
+    let model = robot.model.clone();
+    let mut control = InverseDynamics::new(&model, robot.feet());
+    let mut centre = CentreOfMassAcceleration::new(&model, Feedback::critical(4.0)).weight(10.0);
+    let start = robot.kinematics.centre_of_mass(&model).position;
+    let mut posture = PostureAcceleration::new(&model, &robot.q[7..], Feedback::critical(4.0)).weight(0.1);
+    let mut decide = |offset: nalgebra::Vector3<f64>| {
+        centre.set_target(start + offset);
+        control.begin(&robot.state(), 1e-3);
+        control.add_task(&robot.state(), 0, &mut centre);
+        control.add_task(&robot.state(), 0, &mut posture);
+        let moving = control.solve().unwrap().torque.clone();
+        let mut held = vec![0.0; model.joint_count()];
+        control.write_holding_torque(&robot.state(), &mut held);
+        (moving, nalgebra::DVector::from_vec(held))
+    };
+    let (standing, held) = decide(nalgebra::Vector3::zeros());
+    let far = (&standing - &held).amax();
+    assert!(standing.amax() > 1.0 && far < 0.1, "{far} Nm of {} Nm", standing.amax());
+    // the forces that push it sideways stay, its own acceleration does not
+    let (moving, held) = decide(nalgebra::Vector3::new(0.0, 0.03, 0.0));
+    assert!((&moving - &standing).amax() > 1.0 && (&moving - &held).amax() > 0.1, "{moving} {held}");
+}

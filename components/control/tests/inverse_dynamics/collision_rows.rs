@@ -2,6 +2,10 @@
 
 use motorium_control::{
     DifferentialIk, IkRows, IkSettings, RobotState,
+    inverse_dynamics::{
+        DynamicsRows, InverseDynamics, InverseDynamicsSettings, JointAccelerationLimits, MotionState,
+        tasks::{Feedback, PostureAcceleration},
+    },
     limits::{CartesianPositionLimit, CollisionLimit, CollisionSettings, RowLimit},
 };
 use motorium_robots::{
@@ -117,4 +121,52 @@ fn an_object_whose_place_is_no_number_pushes_the_robot_nowhere_and_other_distanc
     ik.add_row_limit(&RobotState { model: &model, kinematics: &kinematics, q: &q }, &mut limit, DT);
     let v = ik.solve().unwrap();
     assert!(v[..2].iter().all(|v| v.abs() < 1e-9) && (v[2] - 0.01).abs() < 1e-6, "{v:?}");
+}
+
+/// Moves a plate at rest at the origin by torques for `ticks`, and returns where it is.
+fn by_torques(walls_beside: &[([f64; 3], [f64; 3])], recovery: f64, most: f64, ticks: usize) -> Vec<f64> {
+    let model = flying(PLATE, BaseMode::Fixed);
+    let apart = CollisionSettings { recovery, ..settings() };
+    let mut limit = CollisionLimit::new(&model, walls(&model, walls_beside), apart);
+    let room = DynamicsRows { limits: limit.rows(), constrained: 0 };
+    let joints = JointAccelerationLimits { max_acceleration: most, ..Default::default() };
+    let settings =
+        InverseDynamicsSettings { joints, torque_fraction: 1e6, relaxation: None, ..Default::default() };
+    let mut control = InverseDynamics::with_room(&model, Vec::new(), settings, room);
+    let mut still = PostureAcceleration::new(&model, &[0.0; 6], Feedback::critical(5.0));
+    let (mut q, mut v, mut kinematics) = (vec![0.0; 6], vec![0.0; 6], Kinematics::new(&model));
+    for _ in 0..ticks {
+        kinematics.update_with_velocity(&model, &q, &v);
+        let state = MotionState { model: &model, kinematics: &kinematics, q: &q, v: &v };
+        control.begin(&state, DT);
+        control.add_task(&state, 0, &mut still);
+        control.add_row_limit(&state, &mut limit, DT);
+        let a = control.solve().expect("what stays where it is contradicts nothing").acceleration.clone();
+        assert!(a.amax() <= most + 1e-9, "{a}");
+        for ((q, v), a) in q.iter_mut().zip(&mut v).zip(a.iter()) {
+            *q += (*v + 0.5 * a * DT) * DT;
+            *v += a * DT;
+        }
+    }
+    q
+}
+
+#[test]
+fn by_torques_a_pair_that_is_squeezed_does_not_keep_another_pair_from_coming_back() {
+    let beside = ([0.21, 0.0, 0.0], [0.1, 0.1, 0.005]);
+    // 0.01 m is left of the 0.03 m that are to be kept beside it
+    let q = by_torques(&[SQUEEZE[0], SQUEEZE[1], beside], 0.01, 1000.0, 6000);
+    assert!(q[0] < -0.02 + 1e-4 && q[0] > -0.025, "it came back from the wall beside it: {q:?}");
+    assert!(q[2].abs() < 1e-6, "it stays between the other two: {q:?}");
+    let squeezed = by_torques(&SQUEEZE, 0.01, 1000.0, 1000);
+    assert!(squeezed.iter().all(|q| q.abs() < 1e-6), "{squeezed:?}");
+}
+
+#[test]
+fn a_way_back_that_asks_for_more_acceleration_than_there_is_takes_longer() {
+    // a tenth of a metre per second at once is 100 m/s2
+    for most in [1000.0, 20.0] {
+        let q = by_torques(&SQUEEZE[..1], 0.3, most, 3000);
+        assert!(q[2] > 0.02 - 1e-4 && q[2] < 0.025, "{most}: {q:?}");
+    }
 }

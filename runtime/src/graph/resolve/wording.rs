@@ -56,6 +56,7 @@ fn expected(expectation: &str) -> String {
         ["a", "string"] | ["string"] => "text".to_string(),
         ["a", "sequence"] => "a list".to_string(),
         ["a", "map"] | ["map"] | ["struct", _] => "a table".to_string(),
+        ["map", "with", "a", "single", "key"] => "a table with a single key".to_string(),
         ["string", "or", "map"] | ["enum", _] => "text or a table".to_string(),
         ["an", "array", "of", "length", count] | ["a", "tuple", "of", "size", count] => {
             format!("a list of {count}")
@@ -78,6 +79,14 @@ mod tests {
     enum Choice {
         Walk,
         Trot,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(rename_all = "snake_case")]
+    #[allow(dead_code)] // only read by serde
+    enum Kind {
+        Reach(f64),
+        Rest(f64),
     }
 
     #[derive(Debug, Deserialize)]
@@ -112,6 +121,8 @@ mod tests {
         assert_eq!(refusal::<Table>("{ gian = 1.0 }"), "unknown key `gian`, expected `gain`");
         assert_eq!(refusal::<Table>("{}"), "key `gain` is missing");
         assert_eq!(refusal::<Choice>("\"wlak\""), "found `wlak`, expected `walk` or `trot`");
+        let two = "{ reach = 1.0, rest = 2.0 }";
+        assert_eq!(refusal::<Kind>(two), "found a table, expected a table with a single key");
     }
 
     #[test]

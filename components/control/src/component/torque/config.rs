@@ -86,7 +86,7 @@ pub enum InfeasiblePolicy {
     /// Contacts at rest, limits of the joints and tasks that are constraints give way; by how much is in the result. Torque limits and
     /// friction never do. Without `inverse_dynamics` the tasks alone give way.
     Relax,
-    /// The joints are held where they are by their gains, with the torques of the last step that had a solution; without
+    /// The joints are held where they are by their gains, with the torques that bear the weight of the robot there; without
     /// `inverse_dynamics` the setpoint stands still.
     Hold,
     /// Nothing is commanded: the drives go to their safe state.

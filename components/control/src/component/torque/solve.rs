@@ -1,6 +1,6 @@
 //! Accelerations and torques of one step.
 
-use super::TorqueController;
+use super::{InfeasiblePolicy, TorqueController};
 use crate::component::tasks::TaskBounds;
 use crate::inverse_dynamics::InverseDynamicsError;
 
@@ -18,10 +18,12 @@ impl TorqueController {
             };
             self.diagnostics.failed(conflict);
             self.conflict = conflict;
-            if !std::mem::replace(&mut self.failing, true) {
+            // where the drives go by themselves, the next reference begins there
+            if !std::mem::replace(&mut self.failing, true) || self.policy == InfeasiblePolicy::SafeStop {
                 self.reference.reset(self.measured.joints().0);
             }
             self.reference_velocity.fill(0.0);
+            self.control.write_holding_torque(&self.measured.motion(), &mut self.torque);
             return false;
         }
         (self.failing, self.conflict) = (false, None);

@@ -39,6 +39,18 @@ impl Run<'_> {
         }
     }
 
+    /// True if the two sides of a row or a bound are one: its multiplier may have any sign, as that of an equality.
+    #[inline(always)]
+    pub(super) fn is_fixed(&self, constraint: usize) -> bool {
+        self.value(constraint, -1.0) == self.value(constraint, 1.0)
+    }
+
+    /// True if an equality has no entry.
+    #[inline(always)]
+    pub(super) fn is_empty(&self, equality: usize) -> bool {
+        self.problem.equality_matrix.row(equality).iter().all(|entry| *entry == 0.0)
+    }
+
     /// Writes the normal of a member that is to be adopted.
     #[inline(always)]
     pub(super) fn write_normal(&mut self, member: usize, constraint: usize) {

@@ -132,15 +132,18 @@ impl Run<'_> {
         work.working.clear();
         work.is_member.fill(false);
         work.implied.clear();
-        for constraint in 0..m.min(n) {
-            let value = self.problem.equality_value[constraint];
-            work.working.members.push(Member { constraint, sign: 0.0, value, multiplier: 0.0, stays: false });
+        // A row without an entry, such as that of a contact in the air, would end what is taken at once.
+        for constraint in 0..self.work.is_member.len() {
+            let held = if constraint < m { !self.is_empty(constraint) } else { self.is_fixed(constraint) };
+            if held && self.work.working.len() < n {
+                let value = self.value(constraint, 0.0);
+                let member = Member { constraint, sign: 0.0, value, multiplier: 0.0, stays: false };
+                self.work.working.members.push(member);
+            }
         }
         for i in 0..self.work.previous.len() {
-            let member = self.work.previous[i];
-            let value = self.value(member.constraint, member.sign);
-            if value.abs() < Problem::INFINITE && self.work.working.len() < n {
-                self.work.working.members.push(Member { value, stays: false, ..member });
+            if let Some(member) = self.kept(i) {
+                self.work.working.members.push(member);
             }
         }
         for i in 0..self.work.working.len() {
@@ -153,13 +156,46 @@ impl Run<'_> {
         for member in &work.working.members {
             work.is_member[member.constraint] = true;
         }
-        if taken < wanted || m > n {
-            // Equalities that are nearly, or fully, combinations of others.
-            for constraint in taken.min(m)..m {
+        // Equalities that are nearly, or fully, combinations of others.
+        for constraint in 0..m {
+            let holds = self.work.is_member[constraint]
+                || self.is_empty(constraint) && self.problem.equality_value[constraint] == 0.0;
+            if !holds {
                 self.add_equality::<F>(constraint)?;
             }
         }
+        // What comes after the first combination was not taken either.
+        if taken < wanted {
+            for i in 0..self.work.previous.len() {
+                if let Some(member) = self.kept(i)
+                    && !self.work.is_member[member.constraint]
+                {
+                    self.take_normal(member.constraint);
+                    let work = &mut *self.work;
+                    if work.working.examine::<F>(&work.hessian) {
+                        work.working.push::<F>(member, &work.g);
+                        work.is_member[member.constraint] = true;
+                    }
+                }
+            }
+        }
         Ok(())
+    }
+
+    /// A member of the solve before, if it is no equality and has a value to be held at.
+    #[inline(always)]
+    fn kept(&self, i: usize) -> Option<Member> {
+        let before = self.work.previous[i];
+        // what was an equality is held at the side that it presses on
+        let sign = if before.sign == 0.0 { before.multiplier.signum() } else { before.sign };
+        let value = self.value(before.constraint, sign);
+        let has_room = self.work.working.len() < self.problem.gradient.len();
+        (has_room && value.abs() < Problem::INFINITE && !self.is_fixed(before.constraint)).then_some(Member {
+            sign,
+            value,
+            stays: false,
+            ..before
+        })
     }
 
     /// Adds an equality that may depend on the members: then it must agree with them, or members must go.
@@ -310,7 +346,9 @@ impl Run<'_> {
         loop {
             let work = &mut *self.work;
             if work.working.examine::<F>(&work.hessian) {
-                let Violated { constraint, sign, value, .. } = *violated;
+                let Violated { constraint, value, .. } = *violated;
+                let sign = if self.is_fixed(constraint) { 0.0 } else { violated.sign };
+                let work = &mut *self.work;
                 let member = Member { constraint, sign, value, multiplier, stays: false };
                 work.working.push::<F>(member, &work.g);
                 work.is_member[constraint] = true;

@@ -15,7 +15,8 @@
 //! The Cholesky factor of `B'B` is kept and changed by one row at a time; a row is computed by repeated projection, so that
 //! it is as exact as that of an orthogonal factorisation. A solve begins with the working set and the multipliers of the one
 //! before, all at once: along a smooth motion most solves change nothing. The result is refined with the residuals of the
-//! problem's own numbers.
+//! problem's own numbers. Rows and bounds whose two sides are one are equalities, and an equality without an entry counts for nothing: where
+//! a contact is lifted, its motion is free and its force is zero, and the rest of the working set stays.
 //!
 //! A Hessian that is singular, or so badly conditioned that no solution was found, is solved as a sequence of
 //! well-conditioned problems (proximal point method), whose certificates tell *infeasible* from *unbounded*.

@@ -10,7 +10,12 @@
 //! ```
 //!
 //! Matrices are lists of rows; `P` is symmetric, or has its upper triangle alone. What is left out is empty, or unbounded; numbers of 1e20 and more stand for infinity.
+//!
+//! A matrix all of whose numbers are of single precision was recorded in it. Its rounding is then no reason to refuse it: `P` may curve
+//! downwards, and differ from its transpose, by n times the spacing of single precision (1.2e-7) of its largest number, in double precision
+//! by 1e-9, and rows of `A` that depend on each other within it do so exactly.
 
+mod precision;
 mod replay;
 
 pub use replay::{Each, Record, Replay, Status, replay};
@@ -140,7 +145,7 @@ impl Numbers {
         let side = |key, numbers: Option<Vec<f64>>, count, infinite: f64| {
             vector(key, numbers.unwrap_or_else(|| vec![infinite; count]), count)
         };
-        Ok(Problem {
+        let mut problem = Problem {
             hessian: symmetric(problem, matrix("P", self.p, n)?)?,
             gradient: vector("q", self.q, n)?,
             equality_matrix: matrix("A", self.a, m)?,
@@ -150,7 +155,9 @@ impl Numbers {
             row_upper: side("ug", self.ug, p, f64::INFINITY)?,
             lower: side("lb", self.lb, n, f64::NEG_INFINITY)?,
             upper: side("ub", self.ub, n, f64::INFINITY)?,
-        })
+        };
+        precision::clean(&mut problem);
+        Ok(problem)
     }
 }
 
@@ -171,7 +178,7 @@ fn no_number(text: &str, error: &serde_json::Error) -> Option<RecordedError> {
 
 /// The matrix, if both sides of its diagonal agree, within rounding, or the lower one is empty.
 fn symmetric(problem: usize, matrix: DMatrix<f64>) -> Result<DMatrix<f64>, RecordedError> {
-    let rounding = 1e-9 * matrix.amax();
+    let rounding = precision::rounding(&matrix) * matrix.amax();
     let above = || (0..matrix.ncols()).flat_map(|column| (0..column).map(move |row| (row, column)));
     let differ =
         |(row, column): &(usize, usize)| (matrix[(*row, *column)] - matrix[(*column, *row)]).abs() > rounding;

@@ -1,0 +1,113 @@
+//! The working set from one solve to the next: what changes in a problem is all that a solve has to find.
+
+use motorium_control::inverse_dynamics::{
+    Contact, InverseDynamics, MotionState,
+    tasks::{CentreOfMassAcceleration, Feedback, PostureAcceleration},
+};
+use motorium_control::solver::{
+    ActiveSetSettings, ActiveSetSolver, KktResidual, Problem, QpSolver, Sides, Structure,
+};
+use motorium_robots::{Kinematics, load};
+
+use crate::robot::Random;
+
+/// Iterations of a solve that is optimal.
+fn solve(solver: &mut ActiveSetSolver, problem: &Problem) -> u32 {
+    solver.update(problem).unwrap();
+    let solution = solver.solve().unwrap();
+    let residual = KktResidual::of(problem, solution);
+    assert!(residual.worst() < 1e-9, "{residual:?}");
+    solution.iterations
+}
+
+/// Forty unknowns, most of them pressed on a bound, and eight equalities.
+fn pressed() -> (Structure, Problem) {
+    let structure = Structure::new(40).equalities(8).bounds(Sides::Both);
+    let (mut problem, mut random) = (Problem::new(&structure), Random(3));
+    problem.hessian.fill_with_identity();
+    problem.gradient.iter_mut().for_each(|q| *q = random.within(2.0));
+    problem.equality_matrix.iter_mut().for_each(|entry| *entry = random.within(1.0));
+    problem.lower.fill(-0.3);
+    problem.upper.fill(0.3);
+    (structure, problem)
+}
+
+#[test]
+fn an_equality_that_loses_its_entries_takes_no_other_constraint_along() {
+    let (structure, mut problem) = pressed();
+    let mut solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
+    let anew = solve(&mut solver, &problem);
+    assert!(anew > 10, "from nothing: {anew}");
+    assert_eq!(solve(&mut solver, &problem), 0, "the same once more");
+    problem.equality_matrix.row_mut(2).fill(0.0);
+    let changed = solve(&mut solver, &problem);
+    assert!(changed < 8, "one equality less: {changed}");
+    assert_eq!(solve(&mut solver, &problem), 0, "the same once more");
+    // a combination of others, which agrees with them
+    let other = problem.equality_matrix.row(0) - problem.equality_matrix.row(1);
+    problem.equality_matrix.set_row(2, &other);
+    assert!(solve(&mut solver, &problem) <= 1, "it asks for nothing new");
+    assert_eq!(solve(&mut solver, &problem), 0, "the same once more");
+}
+
+#[test]
+fn an_equality_without_an_entry_that_asks_for_something_is_infeasible() {
+    let (structure, mut problem) = pressed();
+    problem.equality_matrix.row_mut(2).fill(0.0);
+    problem.equality_value[2] = 1e-3;
+    let mut solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
+    solver.update(&problem).unwrap();
+    let error = solver.solve().unwrap_err().to_string();
+    assert!(error.contains("infeasible") && error.contains("equality 2"), "{error}");
+}
+
+#[test]
+fn bounds_whose_sides_are_one_are_held_from_the_start_and_let_go_when_they_open() {
+    let (structure, open) = pressed();
+    let mut closed = open.clone();
+    closed.lower.rows_mut(0, 20).fill(0.02);
+    closed.upper.rows_mut(0, 20).fill(0.02);
+    let (mut one, mut two) = (
+        ActiveSetSolver::new(structure.clone(), ActiveSetSettings::default()),
+        ActiveSetSolver::new(structure, ActiveSetSettings::default()),
+    );
+    let free = solve(&mut one, &open);
+    let held = solve(&mut two, &closed);
+    assert!(held < free, "{held} of {free}");
+    // and open again: as from nothing
+    solve(&mut two, &open);
+    let (x, expected) = (&two.solution().x, &one.solution().x);
+    assert!((x - expected).amax() < 1e-9);
+    assert_eq!(solve(&mut two, &open), 0);
+}
+
+#[test]
+fn a_humanoid_on_one_foot_begins_each_tick_with_what_was_active_in_the_one_before() {
+    let loaded = load("humanoid", std::path::Path::new(".")).unwrap();
+    let (model, profile) = (&loaded.model, loaded.profile.unwrap());
+    let q = profile.configuration(model, "standing").unwrap();
+    let feet = profile.feet.iter().map(|(name, foot)| Contact::of_foot(model, name, foot).unwrap());
+    let mut control = InverseDynamics::new(model, feet.collect());
+    let (q, v) = (q.as_slice(), vec![0.0; model.nv()]);
+    let mut kinematics = Kinematics::new(model);
+    kinematics.update_with_velocity(model, q, &v);
+    let state = MotionState { model, kinematics: &kinematics, q, v: &v };
+    let mut centre = CentreOfMassAcceleration::new(model, Feedback::critical(4.0)).weight(10.0);
+    let mut posture =
+        PostureAcceleration::new(model, model.joints_of_q(q), Feedback::critical(4.0)).weight(0.1);
+    let mut target = kinematics.centre_of_mass(model).position;
+    target.y += 0.1;
+    centre.set_target(target);
+    let mut decide = |lifted: bool| {
+        control.set_active(1, !lifted);
+        control.begin(&state, 1e-3);
+        control.add_task(&state, 0, &mut centre);
+        control.add_task(&state, 0, &mut posture);
+        control.solve().unwrap().iterations
+    };
+    decide(false);
+    assert_eq!(decide(false), 0, "on both feet");
+    let change = decide(true);
+    assert!(change < 20, "{change} iterations as the foot is lifted");
+    assert_eq!(decide(true), 0, "on one foot");
+}
