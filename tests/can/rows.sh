@@ -127,6 +127,8 @@ process_rows() {
         begin "adapter_${fault}_often" --for "$((20 * kills + 30))s" \
             --set component.adapter.restart="{ when = \"failure\", at_most = $((kills + 1)), window = \"1000 s\" }" \
             --set component.adapter.hang_after='"100 ms"'
+        # its drives are checked and enabled first
+        sleep 0.2
         for count in $(seq "$kills"); do
             motorium kill arm-can adapter --signal $fault >>killed 2>&1
             # the pause before a restart grows with each of them
