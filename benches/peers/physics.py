@@ -17,6 +17,7 @@ import pathlib
 import sys
 import time
 import tomllib
+import xml.etree.ElementTree as tree
 
 engine, motion, steps, boxes, urdf = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4]), pathlib.Path(sys.argv[5])
 STEP = 1e-3
@@ -33,6 +34,13 @@ def profile():
     return table["joints"], table["poses"][table["home"]], kp, kd, base
 
 
+def root_link(text):
+    """The link that no joint carries."""
+    robot = tree.fromstring(text)
+    carried = {joint.find("child").get("link") for joint in robot.findall("joint")}
+    return next(link.get("name") for link in robot.findall("link") if link.get("name") not in carried)
+
+
 def box_poses():
     for index in range(boxes):
         layer, place = divmod(index, 5)
@@ -44,13 +52,12 @@ def box_poses():
 class MuJoCo:
     def __init__(self):
         import mujoco
-        import xml.etree.ElementTree as tree
 
         self.mujoco = mujoco
         self.goal = []
         if motion == "energy":
             text = urdf.read_text()
-            root = text.split('<link name="', 1)[1].split('"', 1)[0]
+            root = root_link(text)
             extra = '<mujoco><compiler fusestatic="false" discardvisual="true" strippath="false"/></mujoco></robot>'
             spec = mujoco.MjSpec.from_string(text.replace("</robot>", extra))
             if boxes:
@@ -68,7 +75,7 @@ class MuJoCo:
         else:
             joints, self.goal, kp, kd, base = profile()
             text = urdf.read_text()
-            root = text.split('<link name="', 1)[1].split('"', 1)[0]
+            root = root_link(text)
             extra = '<mujoco><compiler fusestatic="false" discardvisual="true" strippath="false"/></mujoco></robot>'
             spec = mujoco.MjSpec.from_string(text.replace("</robot>", extra))
             if base:

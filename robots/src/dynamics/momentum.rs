@@ -4,7 +4,7 @@ use nalgebra::{Dim, Matrix, StorageMut, Vector3};
 
 use super::Dynamics;
 use crate::Model;
-use crate::algebra::{M3, Spatial, V3};
+use crate::algebra::{M3, Spatial, V3, Work, widest};
 use crate::model::flat::FlatModel;
 
 /// Momentum of a whole robot, or its rate, about the centre of mass in world axes.
@@ -58,6 +58,7 @@ impl Dynamics {
     }
 
     /// Momentum about the origin of the base, in its axes. The inertias have been [composed](Self::compose).
+    #[inline(always)]
     fn momentum_at_base(&self, flat: &FlatModel, v: &[f64]) -> Spatial {
         let mut sum = Spatial::ZERO;
         for (node, body) in flat.nodes.iter().zip(&self.composite[1..]) {
@@ -91,8 +92,7 @@ impl Dynamics {
         if !flat.floating {
             return false;
         }
-        let (axes, centre) = self.compose(model, q);
-        let sum = self.momentum_at_base(flat, v);
+        let (axes, centre, sum) = widest(MomentumNow { dynamics: self, model, motion: (q, v) });
         // The missing momentum, its angular part about the centre of mass. A motion of all as one rigid body adds it.
         let linear = axes.tr_mul(momentum.linear.into()) - sum.linear;
         let angular = axes.tr_mul(momentum.angular.into()) - (sum.angular - centre.cross(sum.linear));
@@ -138,6 +138,7 @@ impl Dynamics {
     }
 
     /// Composite inertias of all bodies. Gives the base's axes in the world and the centre of mass in base coordinates.
+    #[inline(always)]
     fn compose(&mut self, model: &Model, q: &[f64]) -> (M3, V3) {
         self.set_positions(model, q);
         let flat = model.flat();
@@ -148,6 +149,24 @@ impl Dynamics {
         }
         let total = &self.composite[0].inertia;
         (flat.base_pose(q).0, total.moment * (1.0 / total.mass))
+    }
+}
+
+/// The base's axes in the world, the centre of mass, and the momentum about the base's origin, in its axes.
+struct MomentumNow<'a> {
+    dynamics: &'a mut Dynamics,
+    model: &'a Model,
+    motion: (&'a [f64], &'a [f64]),
+}
+
+impl Work for MomentumNow<'_> {
+    type Output = (M3, V3, Spatial);
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) -> Self::Output {
+        let Self { dynamics, model, motion: (q, v) } = self;
+        let (axes, centre) = dynamics.compose(model, q);
+        (axes, centre, dynamics.momentum_at_base(model.flat(), v))
     }
 }
 

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{Dynamics, Wrench, external};
-use crate::algebra::{M3, Spatial, V3};
+use crate::algebra::{M3, Spatial, V3, Work, widest};
 use crate::model::flat::{FlatModel, Node};
 use crate::{FrameId, Model};
 
@@ -121,11 +121,7 @@ impl Dynamics {
     /// Bias forces: `out = C(q, v) v + g(q)` \[Nm or N\], what [`rnea`](Self::rnea) gives for `a = 0`.
     pub fn bias(&mut self, model: &Model, q: &[f64], v: &[f64], gravity: Vector3<f64>, out: &mut [f64]) {
         assert_eq!(v.len(), model.nv(), "length of v");
-        self.set_positions(model, q);
-        let flat = model.flat();
-        self.start(flat, q, gravity, Some((v, None)));
-        self.outward::<false>(flat, v, &[]);
-        self.inward(flat, out);
+        widest(Bias { dynamics: self, model, motion: (q, v), gravity, out });
     }
 
     /// Gravity torques: `out = g(q)` \[Nm or N\], the efforts that hold the robot still at `q`.
@@ -222,6 +218,29 @@ impl Dynamics {
         if flat.floating {
             out[..6].copy_from_slice(&self.local[0].wrench.array());
         }
+    }
+}
+
+/// The bias forces at these positions and velocities.
+struct Bias<'a> {
+    dynamics: &'a mut Dynamics,
+    model: &'a Model,
+    motion: (&'a [f64], &'a [f64]),
+    gravity: Vector3<f64>,
+    out: &'a mut [f64],
+}
+
+impl Work for Bias<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Self { dynamics, model, motion: (q, v), gravity, out } = self;
+        dynamics.set_positions(model, q);
+        let flat = model.flat();
+        dynamics.start(flat, q, gravity, Some((v, None)));
+        dynamics.outward::<false>(flat, v, &[]);
+        dynamics.inward(flat, out);
     }
 }
 

@@ -9,7 +9,7 @@ pub use centre_of_mass::CentreOfMass;
 pub use manipulability::TaskRows;
 
 use crate::Model;
-use crate::algebra::{M3, V3};
+use crate::algebra::{M3, V3, Work, widest};
 use crate::model::flat::{FlatModel, FramePlacement, Positions};
 
 /// Motion of one body in world axes: of its node frame's origin.
@@ -92,8 +92,7 @@ impl Kinematics {
     /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv). Accelerations become those at `a = 0`: the
     /// drift `Jdot v` of every frame.
     pub fn update_with_velocity(&mut self, model: &Model, q: &[f64], v: &[f64]) {
-        self.set_positions(model, q);
-        self.differentiate::<false>(model, v, &[]);
+        widest(Moving { kinematics: self, model, motion: (q, v) });
     }
 
     /// Forward kinematics of all bodies at `q` (nq) moving with `v` (nv) and accelerating with `a` (nv).
@@ -109,6 +108,7 @@ impl Kinematics {
         assert_eq!(self.bodies.len(), model.bodies().len() + 1, "the workspace was made for another model");
     }
 
+    #[inline(always)]
     fn set_positions(&mut self, model: &Model, q: &[f64]) {
         self.check(model, q);
         let flat = model.flat();
@@ -123,6 +123,7 @@ impl Kinematics {
         }
     }
 
+    #[inline(always)]
     fn differentiate<const ACCELERATED: bool>(&mut self, model: &Model, v: &[f64], a: &[f64]) {
         assert_eq!(v.len(), model.nv(), "length of v");
         let flat = model.flat();
@@ -172,5 +173,23 @@ impl Kinematics {
     #[inline(always)]
     fn carrier(&self, placement: &FramePlacement) -> &BodyState {
         if placement.slot == FlatModel::WORLD { &self.world } else { &self.bodies[placement.slot] }
+    }
+}
+
+/// Poses and velocities at these positions and velocities.
+struct Moving<'a> {
+    kinematics: &'a mut Kinematics,
+    model: &'a Model,
+    motion: (&'a [f64], &'a [f64]),
+}
+
+impl Work for Moving<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Self { kinematics, model, motion: (q, v) } = self;
+        kinematics.set_positions(model, q);
+        kinematics.differentiate::<false>(model, v, &[]);
     }
 }

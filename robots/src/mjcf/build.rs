@@ -99,6 +99,8 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
         crate::urdf::check_inertia(&body.name, &body.inertia, &mut warnings);
     }
     crate::urdf::warn_of_massless_ends(&bodies, &mut warnings);
+    let shapes = base.shapes.iter().chain(bodies.iter().flat_map(|body| &body.shapes));
+    geoms.warn_of_missing_meshes(shapes, &mut warnings);
     let model = Model::new(name, base, bodies, frames);
     let profile = drives::profile(&model, &references, keyframes, &drives);
     Ok(MjcfRobot { model, warnings, exclusions, profile, colours: LinkColours::of_shapes(colours) })

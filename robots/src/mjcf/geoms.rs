@@ -14,7 +14,7 @@ use super::error::{MjcfError, MjcfProblem};
 use super::pose::{between, pose};
 use super::schema::GEOM;
 use crate::nearest::nearest;
-use crate::{Colour, Geometry, Inertia, ShapeSource, TriangleMesh};
+use crate::{Colour, Geometry, Inertia, ModelWarning, Shape, ShapeSource, TriangleMesh};
 
 /// Sides and thickness of the box that stands for an infinite plane of the world \[m\].
 const PLANE: [f64; 2] = [100.0, 1.0];
@@ -34,6 +34,8 @@ const SHELL: &str = "shells are not read; give the body an <inertial>";
 pub(super) struct MeshAsset {
     pub(super) uri: String,
     pub(super) path: Option<PathBuf>,
+    /// Where its file was looked for.
+    pub(super) folder: PathBuf,
     /// A mesh that the file itself has.
     pub(super) inline: Option<Arc<TriangleMesh>>,
     pub(super) scale: Vector3<f64>,
@@ -194,6 +196,23 @@ impl<'a, 'i> Geoms<'_, 'a, 'i> {
                 Err(geom.refused("type", reason))
             }
         })
+    }
+
+    /// Adds a warning for each mesh among these shapes whose file is nowhere.
+    pub(super) fn warn_of_missing_meshes<'s>(
+        &self,
+        shapes: impl Iterator<Item = &'s Shape>,
+        warnings: &mut Vec<ModelWarning>,
+    ) {
+        for Shape { link, geometry, .. } in shapes {
+            let Geometry::Mesh { uri, path: None, inline: None, .. } = geometry else { continue };
+            let asset = self.meshes.values().find(|asset| asset.uri == *uri);
+            let tried = asset.map(|asset| asset.folder.clone()).into_iter().collect();
+            let warning = ModelWarning::MissingMesh { link: link.clone(), uri: uri.clone(), tried };
+            if !warnings.contains(&warning) {
+                warnings.push(warning);
+            }
+        }
     }
 
     /// Refuses a geom whose inertia is not that of a solid.

@@ -1,6 +1,6 @@
 //! The sections beside the tree of bodies: options, meshes, and pairs that do not collide.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use nalgebra::Vector3;
@@ -78,6 +78,7 @@ pub(super) fn read_assets<'a, 'i>(
             let mesh = MeshAsset {
                 uri: name.to_owned(),
                 path: None,
+                folder: PathBuf::new(),
                 inline: Some(inline),
                 scale: Vector3::from(scale),
                 not_solid,
@@ -92,10 +93,11 @@ pub(super) fn read_assets<'a, 'i>(
         if geoms.compiler.strip_path {
             within = within.file_name().map_or(within, Path::new);
         }
-        let path = folder.join(&geoms.compiler.mesh_folder).join(within);
+        let folder = folder.join(&geoms.compiler.mesh_folder);
+        let path = folder.join(within);
         let path = path.is_file().then_some(path);
-        let mesh =
-            MeshAsset { uri: uri.to_owned(), path, inline: None, scale: Vector3::from(scale), not_solid };
+        let (uri, scale) = (uri.to_owned(), Vector3::from(scale));
+        let mesh = MeshAsset { uri, path, folder, inline: None, scale, not_solid };
         geoms.meshes.insert(node.attribute("name").unwrap_or(stem), mesh);
     }
     Ok(())

@@ -119,7 +119,7 @@ pub enum ModelWarning {
         reason: &'static str,
     },
     /// A mesh file that is nowhere.
-    #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.tried))]
+    #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.uri, .tried))]
     MissingMesh {
         /// Link at fault.
         link: String,
@@ -200,7 +200,7 @@ impl ModelWarning {
         };
         let (defect, of_several) = match self {
             Self::MissingMesh { uri, tried, .. } => {
-                let told = format!("meshes not found, the first, \"{uri}\",{}", searched(tried));
+                let told = format!("meshes not found, the first, \"{uri}\",{}", searched(uri, tried));
                 ("meshes not found".to_owned(), told)
             }
             Self::NoInertia { .. } => {
@@ -236,14 +236,21 @@ fn in_all(count: usize) -> String {
     if count == 1 { String::new() } else { format!(", {count} in all") }
 }
 
-fn searched(tried: &[std::path::PathBuf]) -> String {
+fn searched(uri: &str, tried: &[std::path::PathBuf]) -> String {
     if tried.is_empty() {
         return String::new();
     }
-    let folders: Vec<_> = tried.iter().map(|path| path.display().to_string()).collect();
+    // Without a name a path stands for the folder of the program.
+    let shown = |path: &std::path::PathBuf| match path.display().to_string() {
+        path if path.is_empty() => ".".to_owned(),
+        path => path,
+    };
+    let folders = tried.iter().map(shown).collect::<Vec<_>>().join(", ");
+    if !["package://", "model://"].iter().any(|package| uri.starts_with(package)) {
+        return format!(" in {folders}");
+    }
     format!(
-        " in {}; name the folder of its package by `package_path` of the robot in a graph, --package-path of `motorium \
-         robot`, or ROS_PACKAGE_PATH",
-        folders.join(", ")
+        " in {folders}; name the folder of its package by `package_path` of the robot in a graph, --package-path of `motorium \
+         robot`, or ROS_PACKAGE_PATH"
     )
 }

@@ -228,8 +228,8 @@ fn files_of_another_kind_and_recordings_without_a_time_are_told_as_such() {
     }
 }
 
-/// A robot whose only shape is a mesh that is nowhere, and a graph of it with the same name beside it.
-fn robot_of_a_missing_mesh(folder: &Path) -> [String; 2] {
+/// A robot whose only shape is a mesh that is nowhere, as URDF and as MJCF, each with a graph beside it.
+fn robots_of_a_missing_mesh(folder: &Path) -> [[String; 2]; 2] {
     let urdf = r#"<robot name="mesh"><link name="base"/><link name="arm"><inertial><mass value="1"/>
         <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry>
         <mesh filename="package://nowhere/arm.stl"/></geometry></collision></link><joint name="j" type="revolute">
@@ -261,24 +261,38 @@ fn robot_of_a_missing_mesh(folder: &Path) -> [String; 2] {
     let profile = "title = \"mesh\"\nsources = []\njoints = [\"j\"]\nhome = \"home\"\n[poses]\nhome = [0.1]\n\
                    [gains]\nkp = [10.0]\nkd = [1.0]\n";
     file(folder, "own.toml", profile);
-    [file(folder, "mesh.urdf", urdf), file(folder, "mesh.toml", graph)]
+    let mjcf = r#"<mujoco model="mesh"><compiler meshdir="nowhere"/><asset><mesh file="arm.stl"/></asset><worldbody>
+        <body name="arm"><joint name="j" axis="0 1 0" range="-57 57" limited="true" actuatorfrcrange="-10 10"/>
+        <inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/><geom type="mesh" mesh="arm"/></body></worldbody></mujoco>"#;
+    // MJCF has no limits of velocities.
+    let graph_of_mjcf = graph.replace("urdf    = \"mesh.urdf\"", "mjcf    = \"mesh.xml\"")
+        + "config = { limits = { velocity = 1.0 } }\n";
+    [
+        [file(folder, "mesh.urdf", urdf), file(folder, "mesh.toml", graph)],
+        [file(folder, "mesh.xml", mjcf), file(folder, "mjcf.toml", &graph_of_mjcf)],
+    ]
 }
 
 #[test]
 fn a_missing_mesh_is_warned_of_by_every_command_that_meets_it() {
     let folder = tempfile::tempdir().expect("a folder");
-    let [urdf, graph] = robot_of_a_missing_mesh(folder.path());
-    for arguments in [
-        &["robot", "check", &urdf][..],
-        &["check", &graph],
-        &["run", &graph, "--clock", "lockstep", "--hosting", "inline", "--for", "0.1 s"],
-    ] {
-        let (code, errors) = tried(arguments);
-        assert_eq!(code, Some(0), "{arguments:?}: {errors}");
-        assert!(
-            errors.contains("warning") && errors.contains("package://nowhere/arm.stl"),
-            "{arguments:?}: {errors}"
-        );
+    for [robot, graph] in robots_of_a_missing_mesh(folder.path()) {
+        for arguments in [
+            &["robot", "check", &robot][..],
+            &["check", &graph],
+            &["run", &graph, "--clock", "lockstep", "--hosting", "inline", "--for", "0.1 s"],
+        ] {
+            let (code, errors) = tried(arguments);
+            assert_eq!(code, Some(0), "{arguments:?}: {errors}");
+            let told = errors.split_whitespace().collect::<Vec<_>>().join(" ");
+            assert!(
+                told.contains("warning")
+                    && told.contains("link \"arm\": mesh \"")
+                    && told.contains("nowhere"),
+                "{arguments:?}: {errors}"
+            );
+            assert!(told.contains("arm.stl\" not found in "), "{arguments:?}: {errors}");
+        }
     }
 }
 

@@ -215,7 +215,7 @@ impl Engine for Articulated {
             if close.is_empty() {
                 return;
             }
-            self.scene.exclude(&close);
+            self.scene.exclude(robot, &close);
             self.place(robot);
         }
     }
@@ -353,6 +353,8 @@ impl Simulation<Articulated> {
     /// [`place_on_ground`](Self::place_on_ground) for the articulation of this index.
     pub fn place_one_on_ground(&mut self, articulation: usize) {
         let height = self.world.ground.map_or(0.0, |ground| ground.height);
+        // Steps in which nothing can touch leave the colliders where they were.
+        self.engine.place(&self.robot);
         let lowest = self.engine.scene.lowest(articulation);
         let lowest = self.engine.scene.above_terrain(articulation).unwrap_or(lowest);
         let robot = &mut self.robot;

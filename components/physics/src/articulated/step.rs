@@ -19,13 +19,22 @@ impl Articulated {
         for (part, own) in self.parts.iter_mut().zip(&robot.articulations) {
             part.actuators.begin(robot, &own.drives());
         }
-        self.place(robot);
         let counts = [self.options.substeps, self.options.contact_iterations];
-        let steps = self.scene.begin(dt, &robot.gravity, counts);
+        let calm = self.scene.begin_calm(robot, dt, counts);
+        let steps = if calm {
+            1
+        } else {
+            self.place(robot);
+            let steps = self.scene.begin(dt, &robot.gravity, counts);
+            self.scene.look_ahead(robot);
+            steps
+        };
         self.sums.clear();
         let mut report = StepReport::default();
         for step in 0..steps {
-            self.scene.set_lengths(step, dt, counts);
+            if !calm {
+                self.scene.set_lengths(step, dt, counts);
+            }
             for (of, part) in self.parts.iter_mut().enumerate() {
                 part.h = self.scene.length(of);
             }

@@ -6,6 +6,12 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use super::colliders::{Collider, Owner};
 use super::objects::FreeBody;
 
+/// Margin within which contact points are found at least \[m\].
+pub(super) const FORESIGHT: f64 = 0.002;
+
+/// Share of the way at the present speed that is added to it.
+const HASTE: f64 = 1.5;
+
 /// Motion of a collider.
 #[derive(Clone, Debug)]
 pub(super) struct Motion {
@@ -142,12 +148,14 @@ impl Motions {
         self.colliders[index].speed[0]
     }
 
-    /// The longest way of a collider since `start` \[m\], and the highest speed now \[m/s\].
-    pub(super) fn most_since(&self, start: &[[f64; 2]]) -> (f64, f64) {
+    /// The longest way of a collider since `start` \[m\], and the highest speed now \[m/s\], of the `parts` that count.
+    pub(super) fn most_since(&self, start: &[[f64; 2]], parts: [bool; 2]) -> (f64, f64) {
         let mut most = (0.0_f64, 0.0_f64);
-        for (motion, start) in self.colliders.iter().zip(start) {
-            most.0 = most.0.max(motion.way[0] - start[0]).max(motion.way[1] - start[1]);
-            most.1 = most.1.max(motion.speed[0]).max(motion.speed[1]);
+        for part in (0..2).filter(|part| parts[*part]) {
+            for (motion, start) in self.colliders.iter().zip(start) {
+                most.0 = most.0.max(motion.way[part] - start[part]);
+                most.1 = most.1.max(motion.speed[part]);
+            }
         }
         most
     }
@@ -164,6 +172,11 @@ impl Motions {
         let (first, second) = (&self.colliders[first], &self.colliders[second]);
         (first.way[part] + second.way[part], first.speed[part] + second.speed[part])
     }
+}
+
+/// The distance within which surfaces that move at `speed` \[m/s\] may touch in a step of `h` \[s\].
+pub(super) fn margin(h: f64, speed: f64) -> f64 {
+    FORESIGHT + HASTE * h * speed
 }
 
 /// Bound of the distance that any point within `reach` of the origin has moved between two poses.

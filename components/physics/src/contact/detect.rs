@@ -3,7 +3,8 @@
 use motorium_robots::{Collisions, ConvexShape, Kinematics};
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::bounds::{self, Motions};
+use super::bounds::{self, Motions, margin};
+use super::calm::Calm;
 use super::colliders::{Collider, Colliders, Owner};
 use super::connections::{Connections, Held};
 use super::features::ContactGeometry;
@@ -13,6 +14,7 @@ use super::objects::FreeBody;
 use super::parties::{Least, Parties};
 use super::surface::SurfaceLaw;
 use super::terrain;
+use crate::robot::{Articulation, Robot};
 
 /// Contact points kept at once, for the robots and for each object that moves. Of more, the deepest.
 const MOST: usize = 96;
@@ -54,7 +56,7 @@ pub(super) struct Pair {
     pub(super) reach: f64,
     pub(super) half_space: bool,
     /// What meets in it.
-    parties: Parties,
+    pub(super) parties: Parties,
     /// Which part of the motions counts.
     pub(super) part: usize,
     /// The pair needs no measurement until the ways of both have come this near \[m\].
@@ -70,12 +72,6 @@ pub(crate) enum Motion {
     /// Its step is over.
     Done,
 }
-
-/// Margin within which contact points are found at least \[m\].
-const FORESIGHT: f64 = 0.002;
-
-/// Share of the way at the present speed that is added to it.
-const HASTE: f64 = 1.5;
 
 /// Length of the integration step of a contact point until it takes part in one \[s\]: any but zero, by which no force divides.
 pub(super) const UNKNOWN: f64 = 1.0;
@@ -99,6 +95,7 @@ pub(crate) struct Detector {
     most: usize,
     distances: Collisions,
     motions: Motions,
+    calm: Calm,
     /// Colliders that are not the terrain.
     solids: usize,
 }
@@ -109,13 +106,17 @@ pub(crate) struct DetectorState {
     until: Vec<f64>,
     near: NearPairs,
     motions: Motions,
+    calm: Calm,
     hints: Vec<[f64; 3]>,
     points: Vec<ContactPoint>,
 }
 
 impl Detector {
     /// For all pairs of the collision model. A half-space is the second of its pairs.
-    pub(crate) fn new(Colliders { colliders, model, .. }: &Colliders) -> Self {
+    pub(crate) fn new(
+        Colliders { colliders, model, .. }: &Colliders,
+        articulations: &[Articulation],
+    ) -> Self {
         let mut pairs: Vec<_> = model
             .pairs()
             .iter()
@@ -143,7 +144,8 @@ impl Detector {
             _ => Motion::Moves,
         };
         let moving = colliders.iter().map(moves).collect();
-        let near = NearPairs::new(pairs.len(), colliders.len());
+        let near = NearPairs::new(&pairs, colliders.len());
+        let calm = Calm::new(colliders, articulations, pairs.len());
         Self {
             pairs,
             near,
@@ -153,6 +155,7 @@ impl Detector {
             most,
             distances,
             motions: Motions::new(colliders),
+            calm,
             solids,
         }
     }
@@ -191,6 +194,7 @@ impl Detector {
         self.near.forget();
         self.distances.forget();
         self.motions.forget();
+        self.calm.forget();
         self.pairs.iter_mut().for_each(|pair| pair.until = f64::NEG_INFINITY);
     }
 
@@ -200,6 +204,7 @@ impl Detector {
             until: self.pairs.iter().map(|pair| pair.until).collect(),
             near: self.near.clone(),
             motions: self.motions.clone(),
+            calm: self.calm.clone(),
             hints: self.distances.hints(),
             points: self.points.clone(),
         }
@@ -217,6 +222,7 @@ impl Detector {
         }
         self.near.clone_from(&state.near);
         self.motions = state.motions.clone();
+        self.calm.clone_from(&state.calm);
         self.distances.set_hints(&state.hints);
         self.points.clone_from(&state.points);
     }
@@ -228,6 +234,7 @@ impl Detector {
         }
         self.distances.set_pose(collider, &pose);
         self.near.forget();
+        self.calm.forget();
         // The world stands still, but for this: its way is not followed.
         for pair in self.pairs.iter_mut().filter(|pair| [pair.first, pair.second].contains(&collider)) {
             pair.until = f64::NEG_INFINITY;
@@ -251,6 +258,19 @@ impl Detector {
             }
         }
         self.motions.follow(colliders, &self.distances, (kinematics, bases), objects);
+    }
+
+    /// True where nothing can touch in a step of `h` \[s\] of these robots, whose colliders need not be placed.
+    pub(crate) fn is_calm(&mut self, robot: &Robot, h: f64) -> bool {
+        let state = (&*robot.state.q, &*robot.state.v);
+        self.calm.holds(&robot.articulations, state, (h, self.near.parts()))
+    }
+
+    /// Looks how near the robots are to anything as they are placed, after a detection with these `least` distances.
+    pub(crate) fn look_ahead(&mut self, robot: &Robot, least: Least) {
+        let free = self.points.is_empty();
+        let pairs = (&*self.pairs, &self.near, &self.motions);
+        self.calm.look(&robot.articulations, &robot.state.q, pairs, (free, least));
     }
 
     /// Height of the lowest point of an articulation \[m\]; infinite without colliders.
@@ -354,11 +374,6 @@ impl Detector {
         self.points.retain(|point| point.kept || point.distance < margin(h, point.speed));
         &self.points
     }
-}
-
-/// The distance within which surfaces that move at `speed` \[m/s\] may touch in a step of `h` \[s\].
-pub(super) fn margin(h: f64, speed: f64) -> f64 {
-    FORESIGHT + HASTE * h * speed
 }
 
 /// Adds a contact point; where there is no room it takes the place of the shallowest.

@@ -3,11 +3,12 @@
 //! [Colliders](colliders) are the solids of the [collision model](motorium_robots::CollisionModel) with their surface
 //! properties. [Features](features) are the points of a shape that touch others first; [detection](detect) finds
 //! where they come near another surface ([pair by pair](narrow)), the [triangles of a mesh](surfaces) or the [terrain](terrain), for [near pairs](near_pairs) whose
-//! [bounds](bounds) do not rule it out; [impulses](impulses) sets up the problem of the impulses there, so that surfaces do not overlap and friction stays in its [cone](cone). A
+//! [bounds](bounds) do not rule it out, unless the [joints](calm) alone do; [impulses](impulses) sets up the problem of the impulses there, so that surfaces do not overlap and friction stays in its [cone](cone). A
 //! [scene] holds all of these.
 
 mod bounds;
 mod boxes;
+mod calm;
 mod colliders;
 mod cone;
 #[cfg(test)]

@@ -2,11 +2,11 @@
 
 use motorium_robots::Collisions;
 
-use super::bounds::Motions;
-use super::detect::{Pair, ROUNDING, margin};
+use super::bounds::{Motions, margin};
+use super::detect::{Pair, ROUNDING};
 
 /// Pairs within this of their margin are listed \[m\].
-const SKIN: f64 = 0.08;
+pub(super) const SKIN: f64 = 0.08;
 
 /// A list of the pairs that may need a measurement (a Verlet list): it holds until the fastest collider could have brought
 /// any other pair near, so that of many pairs few are looked at in a step.
@@ -16,12 +16,25 @@ pub(super) struct NearPairs {
     /// Ways of the colliders when the list was made.
     start: Vec<[f64; 2]>,
     made: bool,
+    /// Parts of the motions that count for any pair.
+    parts: [bool; 2],
 }
 
 impl NearPairs {
-    /// For so many pairs of colliders.
-    pub(super) fn new(pairs: usize, colliders: usize) -> Self {
-        Self { list: Vec::with_capacity(pairs), start: vec![[0.0; 2]; colliders], made: false }
+    /// For these pairs of so many colliders.
+    pub(super) fn new(pairs: &[Pair], colliders: usize) -> Self {
+        let parts = [0, 1].map(|part| pairs.iter().any(|pair| pair.part == part));
+        Self { list: Vec::with_capacity(pairs.len()), start: vec![[0.0; 2]; colliders], made: false, parts }
+    }
+
+    /// Parts of the motions that count for any pair.
+    pub(super) fn parts(&self) -> [bool; 2] {
+        self.parts
+    }
+
+    /// The longest way of a collider since the list was made \[m\].
+    pub(super) fn way(&self, motions: &Motions) -> f64 {
+        motions.most_since(&self.start, self.parts).0
     }
 
     /// Has the list made anew.
@@ -42,7 +55,7 @@ impl NearPairs {
         motions: &Motions,
         (h, least): (f64, f64),
     ) {
-        let (way, speed) = motions.most_since(&self.start);
+        let (way, speed) = motions.most_since(&self.start, self.parts);
         if self.made && 2.0 * way + margin(h, 2.0 * speed).max(least) < SKIN {
             return;
         }

@@ -1,6 +1,7 @@
 //! Newton steps over all contact points at once.
 
 use super::cone::{COMPLIANCE, ConeSolver, dot};
+use super::impulses::DENSE;
 
 /// Times that a Newton step opens points that would pull.
 const OPENINGS: usize = 4;
@@ -9,7 +10,7 @@ const OPENINGS: usize = 4;
 const STANDING: f64 = 1e-9;
 
 /// Most unknowns of a Newton step: beyond, sweeps cost less.
-const MOST_UNKNOWNS: usize = 180;
+const MOST_UNKNOWNS: usize = 3 * DENSE;
 
 /// Workspace of the Newton steps.
 #[derive(Clone, Debug)]
@@ -237,6 +238,7 @@ fn eliminate(system: &mut [f64], right: &mut [f64]) -> bool {
         }
         let (upper, lower) = system.split_at_mut((k + 1) * n);
         let own = &upper[k * n..][..n];
+        let own = &own[..width(own)];
         let inverse = 1.0 / own[k];
         let value = right[k];
         for (row, right) in lower.chunks_exact_mut(n).zip(&mut right[k + 1..]) {
@@ -263,8 +265,9 @@ fn eliminate_symmetric(system: &mut [f64], right: &mut [f64]) -> bool {
         if own[k].is_nan() || own[k] <= f64::MIN_POSITIVE {
             return false;
         }
+        let own = &own[..width(own)];
         let (inverse, value) = (1.0 / own[k], right[k]);
-        for (i, row) in (k + 1..).zip(lower.chunks_exact_mut(n)) {
+        for (i, row) in (k + 1..own.len()).zip(lower.chunks_exact_mut(n)) {
             if own[i] == 0.0 {
                 continue;
             }
@@ -276,6 +279,11 @@ fn eliminate_symmetric(system: &mut [f64], right: &mut [f64]) -> bool {
         }
     }
     substitute(system, right)
+}
+
+/// Length of a row up to its last entry that is not zero: points of objects that do not touch are not coupled.
+fn width(row: &[f64]) -> usize {
+    row.iter().rposition(|entry| *entry != 0.0).map_or(0, |last| last + 1)
 }
 
 /// The end of an elimination: `system` is upper triangular. `false` where the solution is not finite.

@@ -42,7 +42,13 @@ pub(crate) struct Least {
     pub(crate) grasps: f64,
 }
 
+/// Closer than this to what a robot may hold, contacts decide the length of its integration steps \[m\].
+pub(super) const NEAR: f64 = 0.010;
+
 impl Least {
+    /// Those at the begin of a step.
+    pub(super) const OF_STEP: Self = Self { robots: 0.0, grasps: NEAR };
+
     pub(super) fn of(self, parties: Parties) -> f64 {
         match parties {
             Parties::Objects => 0.0,

@@ -1,5 +1,6 @@
 //! The contact scene: colliders, objects that move, and the impulses between all of them.
 
+mod calm;
 mod connected;
 
 use motorium_robots::{Kinematics, Terrain, TerrainError};
@@ -10,7 +11,7 @@ use super::connections::{Connections, Joined};
 use super::detect::{ContactPoint, Detector, DetectorState, Motion};
 use super::impulses::{Impulses, Known};
 use super::objects::{FreeBody, Objects};
-use super::parties::Least;
+use super::parties::{Least, NEAR};
 use super::sums::ImpulseSums;
 use crate::robot::{Articulation, Robot};
 use crate::{Options, Surface, World};
@@ -35,9 +36,6 @@ pub(crate) struct ContactScene {
     sleeping: bool,
 }
 
-/// Closer than this to what a robot may hold, contacts decide the length of its integration steps \[m\].
-const NEAR: f64 = 0.010;
-
 /// The state of a [`ContactScene`] that later steps depend on.
 #[derive(Clone, Debug)]
 pub(crate) struct SceneState {
@@ -54,7 +52,7 @@ pub(crate) struct SceneState {
 impl ContactScene {
     /// A scene of these colliders; `world` gives the objects.
     pub(crate) fn new(robot: &Robot, colliders: Colliders, world: &World, options: &Options) -> Self {
-        let detector = Detector::new(&colliders);
+        let detector = Detector::new(&colliders, &robot.articulations);
         let objects = Objects::new(world, options.integrator);
         let articulations = robot.articulations.len();
         let bodies = articulations + objects.now.len();
@@ -93,9 +91,9 @@ impl ContactScene {
     }
 
     /// Takes pairs of colliders out of the detection. The poses must be [set](Self::set_poses) anew.
-    pub(crate) fn exclude(&mut self, pairs: &[[usize; 2]]) {
+    pub(crate) fn exclude(&mut self, robot: &Robot, pairs: &[[usize; 2]]) {
         self.colliders.exclude(pairs);
-        self.detector = Detector::new(&self.colliders);
+        self.detector = Detector::new(&self.colliders, &robot.articulations);
     }
 
     /// Places each articulation as its `kinematics` stands, its base as in `bases`, and the objects in their next state.
@@ -115,8 +113,7 @@ impl ContactScene {
         self.objects.feel(gravity);
         self.lengths.fill(dt);
         self.set_moving();
-        let least = Least { grasps: NEAR, ..Least::default() };
-        self.detector.detect(&self.colliders, &self.connections, (dt, least));
+        self.detector.detect(&self.colliders, &self.connections, (dt, Least::OF_STEP));
         self.add_connections();
         self.impulses.sort(self.detector.points());
         self.impulses.find_near(self.detector.points(), NEAR, &mut self.near);

@@ -6,13 +6,17 @@ use nalgebra::Vector3;
 
 use super::site::{Mobility, Side, Site};
 
-/// Largest number of sweeps.
+/// Largest number of sweeps, and that where another method follows.
 const SWEEPS: usize = 50;
+pub(super) const FEW: usize = 10;
 
 /// Change of a velocity \[m/s\] in a sweep below which the sweeps end, and the same relative to the largest that an impulse makes
 /// at its own point, as in impacts.
 const SETTLED: f64 = 1e-6;
 const SETTLED_SHARE: f64 = 1e-4;
+
+/// The change where another method follows, which finds more exactly what sweeps come near slowly, as in a tower \[m/s\].
+const SETTLED_OF_FEW: f64 = 1e-7;
 
 /// Half solutions of the contact points on articulations.
 #[derive(Clone, Copy)]
@@ -79,9 +83,9 @@ pub(super) struct Island<'a, P: Fn(usize) -> usize> {
 }
 
 impl<P: Fn(usize) -> usize> Island<'_, P> {
-    /// Finds the impulses, from those they are now. The velocities of its objects are those without impulses; `sum` is
-    /// zero.
-    pub(super) fn solve(&mut self) {
+    /// Finds the impulses, from those they are now, by up to [`SWEEPS`] sweeps, or a [`FEW`]. The velocities of its objects are those
+    /// without impulses; `sum` is zero. Returns whether the sweeps settled.
+    pub(super) fn solve(&mut self, few: bool) -> bool {
         self.room.objects.clear();
         for place in self.places.clone() {
             let index = (self.point)(place);
@@ -98,18 +102,20 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
             let warm = [0, 1, 2].map(|part| self.lambda[3 * index + part]);
             self.push(index, &warm);
         }
-        self.sweep_until_settled();
+        let bounds = if few { (FEW, [SETTLED_OF_FEW, 0.0]) } else { (SWEEPS, [SETTLED, SETTLED_SHARE]) };
+        let settled = self.sweep_until_settled(bounds);
         for object in &self.room.objects {
             self.bodies[*object as usize].listed = false;
         }
+        settled
     }
 
     /// Sweeps, between which the impulses are extrapolated along the conjugate of their last changes, as in the nonlinear
     /// conjugate gradient method of Silcowitz and others (2010). Every extrapolation is followed by a sweep, so that the
     /// impulses are in their cones at the end.
-    fn sweep_until_settled(&mut self) {
+    fn sweep_until_settled(&mut self, (most, [settled, share_settled]): (usize, [f64; 2])) -> bool {
         let mut before = f64::INFINITY;
-        for sweep in 0..SWEEPS {
+        for sweep in 0..most {
             self.begin_sweep();
             let (mut change, mut largest, mut squared) = (0.0_f64, 0.0_f64, 0.0);
             for step in 0..self.places.len() {
@@ -130,14 +136,18 @@ impl<P: Fn(usize) -> usize> Island<'_, P> {
                     squared += moved * moved * diagonal;
                 }
             }
-            if change < SETTLED.max(SETTLED_SHARE * largest) || sweep + 1 == SWEEPS {
-                return;
+            if change < settled.max(share_settled * largest) {
+                return true;
+            }
+            if sweep + 1 == most {
+                break;
             }
             let share = squared / before;
             before = squared;
             // Changes that grow show that the direction led astray.
             self.extrapolate(if share < 1.0 { share } else { 0.0 });
         }
+        false
     }
 
     /// Keeps the velocities before a sweep.

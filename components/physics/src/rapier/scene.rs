@@ -7,7 +7,7 @@ use rapier3d_f64::dynamics::{
     MultibodyJointSet, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SoftBodySet, SpringCoefficients,
 };
 use rapier3d_f64::geometry::{
-    BroadPhaseBvh, ColliderBuilder, ColliderHandle, ColliderSet, NarrowPhase, SharedShape,
+    BroadPhaseBvh, ColliderBuilder, ColliderHandle, ColliderSet, NEW_CONTACT_BIT, NarrowPhase, SharedShape,
 };
 use rapier3d_f64::math::Vector;
 use rapier3d_f64::pipeline::{ActiveHooks, PhysicsPipeline};
@@ -283,7 +283,11 @@ impl Scene {
                 continue;
             };
             for manifold in pair.manifolds() {
-                for point in &manifold.points {
+                // Of a manifold with more points the solver takes four, and the impulses of the others are those of the step that
+                // took them last.
+                for solved in &manifold.data.solver_contacts {
+                    let index = (solved.contact_id[0] & !NEW_CONTACT_BIT) as usize;
+                    let Some(point) = manifold.points.get(index) else { continue };
                     // Rapier also keeps points that may touch soon.
                     if point.dist > 0.0 && point.data.impulse <= 0.0 {
                         continue;

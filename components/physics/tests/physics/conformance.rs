@@ -312,10 +312,8 @@ fn rays_and_contacts_know_meshes_and_compounds_by_the_name_of_their_object() {
             let found = up.get(name).copied().unwrap_or(0.0);
             let id = simulation.object(name).unwrap();
             let at = simulation.object_pose(id).translation.vector;
-            // Rapier tells too high forces of hulls on a box.
-            let hull_of_rapier = engine == Engine::Rapier && name != "club";
             assert!(
-                hull_of_rapier || (found - weight * 9.81).abs() < 0.05 * 9.81,
+                (found - weight * 9.81).abs() < 0.05 * 9.81,
                 "{engine:?}: {name} at {at} is carried with {found} N"
             );
             let (linear, angular) = simulation.object_velocity(id);

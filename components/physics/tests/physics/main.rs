@@ -4,6 +4,7 @@ mod actuators;
 mod allocations;
 mod axes;
 mod batch;
+mod calm;
 mod catalogue;
 mod component;
 mod compounds;

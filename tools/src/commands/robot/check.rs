@@ -2,7 +2,7 @@
 
 use std::process::ExitCode;
 
-use motorium_robots::{Geometry, Loaded, MimicMode, Model, ModelWarning, ProfileChoice, Shape, ShapeSource};
+use motorium_robots::{Loaded, MimicMode, Model, ModelWarning, ProfileChoice, ShapeSource};
 use serde_json::json;
 
 use super::source::RobotArgs;
@@ -60,10 +60,7 @@ impl Check {
 
 /// The defects of its file; and a robot that touches nothing.
 fn warnings(robot: &Loaded) -> Vec<String> {
-    let is_other = |warning: &&ModelWarning| !matches!(warning, ModelWarning::MissingMesh { .. });
-    let mut found: Vec<_> = robot.warnings.iter().filter(is_other).cloned().collect();
-    found.extend(missing_meshes(robot));
-    let mut warnings = ModelWarning::told(&found);
+    let mut warnings = ModelWarning::told(&robot.warnings);
     if !robot.model.has_shapes() {
         let told = "no link has a collision shape: in physics the robot passes through the ground and all objects; \
                     `motorium robot hulls` gives its links the hulls of their visuals";
@@ -72,22 +69,19 @@ fn warnings(robot: &Loaded) -> Vec<String> {
     warnings
 }
 
-/// The meshes that are nowhere. Those of a URDF are among its warnings, with the folders searched; those of MJCF are not.
+/// The meshes that are nowhere, each once.
 fn missing_meshes(robot: &Loaded) -> Vec<ModelWarning> {
     let mut missing: Vec<ModelWarning> = Vec::new();
-    let bodies = robot.model.bodies().iter().flat_map(|body| &body.shapes);
-    for Shape { link, geometry, .. } in robot.model.base_shapes().iter().chain(bodies) {
-        let Geometry::Mesh { uri, path: None, inline: None, .. } = geometry else { continue };
-        let told = robot.warnings.iter().find(|warning| {
-            matches!(warning, ModelWarning::MissingMesh { link: of, uri: named, .. } if of == link && named == uri)
-        });
-        let plain = || ModelWarning::MissingMesh { link: link.clone(), uri: uri.clone(), tried: Vec::new() };
-        let warning = told.cloned().unwrap_or_else(plain);
-        if !missing.contains(&warning) {
-            missing.push(warning);
+    for warning in robot.warnings.iter().filter(|warning| is_missing_mesh(warning)) {
+        if !missing.contains(warning) {
+            missing.push(warning.clone());
         }
     }
     missing
+}
+
+fn is_missing_mesh(warning: &ModelWarning) -> bool {
+    matches!(warning, ModelWarning::MissingMesh { .. })
 }
 
 fn report(robot: &Loaded, warnings: &[String]) -> serde_json::Value {

@@ -46,8 +46,9 @@ impl Impulses {
         }
     }
 
-    /// Solves an island over the velocities of its bodies.
-    pub(super) fn solve_sparse(&mut self, places: Range<usize>) {
+    /// Solves an island over the velocities of its bodies, by [few](super::super::sweeps::FEW) sweeps where `few`. Returns whether they
+    /// settled.
+    pub(super) fn solve_sparse(&mut self, places: Range<usize>, few: bool) -> bool {
         self.sum.fill(0.0);
         for place in places.clone() {
             let index = self.islands.point(place);
@@ -73,7 +74,15 @@ impl Impulses {
         let Self { n, sites, lambda, bodies, reduced, support, supported, sum, islands, room, .. } = self;
         let reduced = Reduced { n: *n, rows: reduced, support, supported };
         let point = |place: usize| islands.point(place);
-        Island { sites, lambda, bodies, reduced, sum, room, places, point }.solve();
+        let range = places.clone();
+        let settled = Island { sites, lambda, bodies, reduced, sum, room, places, point }.solve(few);
+        for place in range {
+            let site = &mut self.sites[self.islands.point(place)];
+            for (free, falling) in site.free.iter_mut().zip(site.falling) {
+                *free += falling;
+            }
+        }
+        settled
     }
 
     /// Adapts the target of a contact point to its mobility along the normal \[1/kg\], the first of its three.

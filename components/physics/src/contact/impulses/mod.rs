@@ -32,8 +32,8 @@ const FASTEST_RECOVERY: f64 = 0.5;
 const IMMOVABLE: f64 = 1e-9;
 
 /// Most contact points of an island whose Delassus matrix is formed: with a robot, whose joints couple all of its points, and of
-/// free objects alone, which couple few.
-const DENSE: usize = 60;
+/// free objects alone, which couple few: theirs is formed beyond that, up to the first number, where they rest and sweeps do not settle.
+pub(super) const DENSE: usize = 60;
 const DENSE_FREE: usize = 12;
 
 /// Contact impulses of one step over the Delassus matrix `W = J A^-1 J'`.
@@ -55,7 +55,7 @@ const DENSE_FREE: usize = 12;
 ///
 /// A is made of blocks: the mass factor of each articulation, mass and inertia of each free object. Contact points that
 /// no chain of blocks joins are [islands](Islands) and solved apart: small ones over their matrix W, large ones
-/// [body by body](super::sweeps::Island). Nothing allocates after [`new`](Self::new).
+/// [body by body](super::sweeps::Island), and those in between that rest, and do not settle so, over W after all. Nothing allocates after [`new`](Self::new).
 #[derive(Clone, Debug)]
 pub(crate) struct Impulses {
     /// Number of velocities of all articulations, and the part of each.
@@ -325,7 +325,10 @@ impl Impulses {
         if places.len() <= if robot { DENSE } else { DENSE_FREE } {
             self.solve_dense(places.clone());
         } else {
-            self.solve_sparse(places.clone());
+            let rests = places.len() <= DENSE && self.rests(places.clone());
+            if !self.solve_sparse(places.clone(), rests) && rests {
+                self.solve_dense(places.clone());
+            }
         }
         self.move_articulations(places, articulations);
     }

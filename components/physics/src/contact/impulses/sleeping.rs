@@ -1,5 +1,7 @@
 //! Islands that sleep, and what wakes them.
 
+use core::ops::Range;
+
 use super::super::colliders::Owner;
 use super::super::detect::ContactPoint;
 use super::super::objects::FreeBody;
@@ -67,6 +69,17 @@ impl Impulses {
         }
     }
 
+    /// True where the objects of an island hardly move, as in a stack.
+    pub(super) fn rests(&self, places: Range<usize>) -> bool {
+        places.flat_map(|place| self.sites[self.islands.point(place)].sides).all(|side| {
+            side.object().is_none_or(|object| {
+                let body = &self.falling[object];
+                body.linear.norm_squared() < SLOW[0] * SLOW[0]
+                    && body.angular.norm_squared() < SLOW[1] * SLOW[1]
+            })
+        })
+    }
+
     /// Lets the objects of islands sleep in which nothing has moved for long enough, and which no robot touches.
     pub(crate) fn put_to_sleep(&mut self, bodies: &mut [FreeBody]) {
         for island in 0..self.islands.count() {
@@ -94,6 +107,9 @@ impl Impulses {
         }
     }
 }
+
+/// Objects slower than this may come to rest \[m/s, rad/s\]: what sweeps leave over would move them.
+const SLOW: [f64; 2] = [0.05, 0.5];
 
 /// The one or two bodies that move at a contact point: articulations first, then objects.
 fn bodies_of(point: &ContactPoint, articulations: usize) -> [Option<usize>; 2] {
