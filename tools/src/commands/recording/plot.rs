@@ -49,9 +49,10 @@ impl Plot {
             curve.points.retain(|(time, _)| (self.from..=end).contains(time));
         }
         curves.retain(|curve| !curve.points.is_empty());
+        let until = self.to.map_or_else(|| "the end".to_string(), |to| format!("{to} s"));
         anyhow::ensure!(
             !curves.is_empty(),
-            "no sample of these signals lies from {} s to {end} s; the last one is at {last:.3} s",
+            "no sample of these signals lies from {} s to {until}; the last one is at {last:.3} s",
             self.from
         );
         let series = curves.iter().map(|curve| Series {
