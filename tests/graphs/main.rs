@@ -25,6 +25,7 @@ mod places;
 #[path = "../../tools/tests/command/program.rs"]
 mod program;
 mod programs;
+mod recorders;
 mod recording;
 mod replays;
 mod runs;

@@ -296,7 +296,7 @@ impl Reader<'_> {
                 .filter(move |node| node.has_tag_name(kind))
         };
         let place = of_kind("collision").position(|other| other == collision).unwrap_or(0);
-        let visual = of_kind("visual").nth(place).or_else(|| of_kind("visual").last());
+        let visual = of_kind("visual").nth(place).or_else(|| of_kind("visual").next_back());
         let diffuse =
             visual.and_then(|visual| child(visual, "material")).and_then(|looks| child(looks, "diffuse"));
         let Some(text) = diffuse.and_then(|diffuse| diffuse.text()) else { return };

@@ -28,10 +28,9 @@ pub(crate) use process::is_default;
 pub use process::{Watch, discard_output, install_interrupt, interrupt_thread, process_state, thread_id};
 pub use random::random_bytes;
 pub use readiness::Readiness;
-pub(crate) use realtime::wake_first;
 pub use realtime::{
     Applied, Denied, Placement, Request, apply, hand_over_when_asleep, leave_realtime, limit_cpu,
-    page_faults, prefault_stack, times_asleep, wake_soon,
+    page_faults, prefault_stack, times_asleep, wake_first, wake_soon,
 };
 pub use shortage::{
     Room, amount, named, open_descriptors, process_limit, raise_limit, shortage, with_shortage,

@@ -198,8 +198,9 @@ pub fn leave_realtime() {
 }
 
 /// Has the calling thread wake before all others that are not real-time themselves, and have the least real-time priority
-/// then; where that is denied, as `wake_soon` does. For a thread that waits for ever.
-pub(crate) fn wake_first() {
+/// then; where that is denied, as [`wake_soon`] does. For a thread that waits for ever, or nearly all the time, and takes nothing
+/// that a thread at normal priority may hold.
+pub fn wake_first() {
     if set_fifo(1).is_err() {
         wake_soon();
     }

@@ -1,7 +1,7 @@
 //! `log.record`: records every sample of chosen topics into an MCAP file.
 //!
-//! In real time a thread reads the topics by taps, on the shared cores and below all real-time priorities, and another one
-//! writes the file: the steps of the component do nothing, and the writers of the topics do not know of it. In lockstep, where time waits, the steps record, so that nothing
+//! In real time a thread reads the topics by taps, on the shared cores and with the least real-time priority, and another one
+//! writes the file at normal priority: the steps of the component do nothing, and the writers of the topics do not know of it. In lockstep, where time waits, the steps record, so that nothing
 //! is lost however fast it passes.
 //!
 //! An error that ends a recording, such as a full disk, does not end the run.
