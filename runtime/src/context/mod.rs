@@ -4,6 +4,7 @@ mod causality;
 mod clock;
 mod deferred;
 mod first_lines;
+mod reads;
 mod signals;
 
 use std::cell::Cell;
@@ -21,6 +22,7 @@ pub(crate) use causality::Causality;
 pub(crate) use clock::Clock;
 pub(crate) use deferred::{AfterStep, Deferred};
 pub(crate) use first_lines::{Access, FirstLines, Line};
+pub(crate) use reads::ReadEffects;
 pub(crate) use signals::Signals;
 
 /// Publications between two look-ups of the core.

@@ -15,6 +15,7 @@ mod emergency;
 mod encode;
 mod field;
 mod finite;
+mod in_use;
 mod joint;
 mod layout;
 mod learning;
@@ -35,6 +36,7 @@ pub use emergency::EmergencyStop;
 pub use encode::{EncodeError, encode};
 pub use field::{Defect, Digest, Field};
 pub use finite::{Checked, Numbers};
+pub(crate) use in_use::InUse;
 pub use joint::{JointCommand, JointState, MAX_JOINTS};
 pub use layout::{FieldLayout, TypeLayout};
 pub use learning::{

@@ -4,11 +4,10 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use super::latest::{StateReader, TopicMemory};
-use super::reading::Effects;
 use super::stream::StreamReader;
 use super::topic::same_layout;
 use super::{Connect, InputPlace, Participant, PortError, refused};
-use crate::context::Context;
+use crate::context::{Context, ReadEffects};
 use crate::declare::TopicPattern;
 use crate::state::{Stamp, StateBuffer};
 
@@ -32,7 +31,7 @@ use crate::state::{Stamp, StateBuffer};
 #[derive(Debug)]
 pub struct Input<T: StateBuffer> {
     source: Source<T>,
-    effects: Effects,
+    effects: ReadEffects,
 }
 
 /// The memory that an input reads.
@@ -86,7 +85,7 @@ impl<T: StateBuffer> Reading<'_, T> {
 
 impl<T: StateBuffer> Input<T> {
     pub(crate) fn unwired(context: Rc<Context>) -> Self {
-        Self { source: Source::Unwired, effects: Effects::none(context) }
+        Self { source: Source::Unwired, effects: ReadEffects::none(context) }
     }
 
     pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
@@ -108,7 +107,7 @@ impl<T: StateBuffer> Input<T> {
                 return Err(refused(&topic.name, "opening a port for single values")(reason));
             }
         };
-        Ok(Self { source, effects: Effects::new(participant, place) })
+        Ok(Self { source, effects: place.effects(participant) })
     }
 
     /// The connection to be made before the first step.

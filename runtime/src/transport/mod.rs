@@ -12,13 +12,13 @@
 
 mod error;
 mod input;
+mod input_place;
 pub(crate) mod latest;
 mod output;
 mod participant;
 mod publication;
 mod raw_input;
 mod raw_output;
-mod reading;
 pub(crate) mod stream;
 mod tap;
 #[cfg(test)]
@@ -31,13 +31,13 @@ pub use crate::parameter::{AnyParameter, Choice, Parameter, ParameterArray, Para
 pub use error::PortError;
 use error::refused;
 pub use input::{Input, Reading};
+pub(crate) use input_place::InputPlace;
 pub(crate) use latest::TopicMemory;
 pub use output::{Loan, Output};
 pub(crate) use participant::Participant;
 pub(crate) use publication::{OutputPlace, Probe};
 pub use raw_input::{RawInput, RawReading};
 pub use raw_output::{RawError, RawOutput};
-pub(crate) use reading::InputPlace;
 pub(crate) use stream::Connect;
 pub use stream::{SliceInput, SliceLoan, SliceOutput};
 pub(crate) use tap::first_place;

@@ -3,10 +3,9 @@
 use std::rc::Rc;
 
 use super::latest::StateReader;
-use super::reading::Effects;
 use super::stream::StreamReader;
 use super::{Connect, InputPlace, Participant, PortError, refused};
-use crate::context::Context;
+use crate::context::{Context, ReadEffects};
 use crate::declare::TopicPattern;
 use crate::state::{Stamp, TypeLayout};
 
@@ -18,7 +17,7 @@ use crate::state::{Stamp, TypeLayout};
 pub struct RawInput {
     topic: Option<(String, TypeLayout)>,
     source: Source,
-    effects: Effects,
+    effects: ReadEffects,
 }
 
 /// The memory that the input reads.
@@ -40,7 +39,7 @@ pub struct RawReading<'a> {
 
 impl RawInput {
     pub(crate) fn unwired(context: Rc<Context>) -> Self {
-        Self { topic: None, source: Source::Unwired, effects: Effects::none(context) }
+        Self { topic: None, source: Source::Unwired, effects: ReadEffects::none(context) }
     }
 
     pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
@@ -53,7 +52,7 @@ impl RawInput {
             TopicPattern::Stream { .. } => Source::Stream(StreamReader::open(participant, place)?),
         };
         let topic = Some((topic.name.clone(), topic.layout.clone()));
-        Ok(Self { topic, source, effects: Effects::new(participant, place) })
+        Ok(Self { topic, source, effects: place.effects(participant) })
     }
 
     /// The connection to be made before the first step.

@@ -121,8 +121,9 @@ mod tests {
         assert_eq!(refusal::<Table>("{ gian = 1.0 }"), "unknown key `gian`, expected `gain`");
         assert_eq!(refusal::<Table>("{}"), "key `gain` is missing");
         assert_eq!(refusal::<Choice>("\"wlak\""), "found `wlak`, expected `walk` or `trot`");
-        let two = "{ reach = 1.0, rest = 2.0 }";
-        assert_eq!(refusal::<Kind>(two), "found a table, expected a table with a single key");
+        let two = serde_json::json!({ "reach": 1.0, "rest": 2.0 });
+        let error = serde_json::from_value::<Kind>(two).expect_err("refused").to_string();
+        assert_eq!(reworded(&error), "found a table, expected a table with a single key");
     }
 
     #[test]

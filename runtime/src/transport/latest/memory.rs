@@ -14,36 +14,29 @@ use iceoryx2_cal::named_concept::{
 use iceoryx2_cal::shared_memory::{SharedMemory as _, SharedMemoryBuilder as _};
 use iceoryx2_cal::shm_allocator::bump_allocator::{self, BumpAllocator};
 
-use super::in_use::InUse;
+use super::dimensions::{Dimensions, LINE, PAGE, SIDE_PINS};
 use super::notify::{self, Futex};
 use super::protocol::{Head, Newest, Pin, Reuse, Words, newest};
 use crate::atomics::Native;
-use crate::declare::TopicPattern;
 use crate::domain::Shared;
 use crate::os::{futex_sleep, futex_wake_low};
 use crate::plan::TopicPlan;
-use crate::state::{Digest, Stamp};
+use crate::state::{Digest, InUse, Stamp};
 use crate::transport::error::{PortError, refused};
 
 /// iceoryx2's own shared memory, so that names, permissions and cleaning up are iceoryx2's.
 type Storage = iceoryx2_cal::shared_memory::recommended::Ipc<BumpAllocator>;
 type Configuration = <Storage as NamedConceptMgmt>::Configuration;
 
-/// Pins of a topic beyond those of its readers, for tools that look on.
-pub(crate) const SIDE_PINS: usize = 4;
 /// First word of a topic's memory; the low digits are the version of its layout.
 const MAGIC: u64 = 0x6d6f_746f_746f_0001;
 /// Bytes of a value from which on the time to fill it outweighs the choice of its slot.
 const LARGE: usize = 16 * 1024;
-const LINE: usize = 64;
-/// Bytes of the two cache lines that processors fetch together.
-const PAIR: usize = 2 * LINE;
-const PAGE: usize = 4096;
 
 /// The first words of the memory: what it holds.
 #[derive(Debug)]
 #[repr(C, align(64))]
-struct Preface {
+pub(super) struct Preface {
     magic: AtomicU64,
     dimensions: AtomicU64,
     waiting: AtomicU32,
@@ -52,93 +45,9 @@ struct Preface {
 /// The words before each value.
 #[derive(Debug)]
 #[repr(C, align(64))]
-pub(super) struct Slot {
+struct Slot {
     mark: AtomicU64,
     stamp: Stamp,
-}
-
-/// Bytes of the words before each value: they share a cache line with its beginning.
-const SLOT_WORDS: usize = size_of::<AtomicU64>() + size_of::<Stamp>();
-
-/// Offsets in the memory of a topic, computed from the plan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Dimensions {
-    pins: usize,
-    slots: usize,
-    /// From the beginning of a slot to its value, bytes.
-    value: usize,
-    /// From slot to slot, bytes.
-    stride: usize,
-    /// Bytes of a value.
-    size: usize,
-}
-
-/// The smallest multiple of `step` from `number` on; the largest number there is where a plan asks for more than that.
-fn up_to_multiple(number: usize, step: usize) -> usize {
-    number.checked_next_multiple_of(step).unwrap_or(usize::MAX)
-}
-
-impl Dimensions {
-    fn of(topic: &TopicPlan) -> Self {
-        let pins = topic.readers.len() + SIDE_PINS;
-        let value = up_to_multiple(SLOT_WORDS, topic.layout.alignment.max(1));
-        let slots = match topic.pattern {
-            TopicPattern::State => topic.history.saturating_add(pins + 2),
-            TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => 0,
-        };
-        // Processors fetch lines in pairs, and the ones after: between two slots lies a pair that nobody uses.
-        let stride = up_to_multiple(topic.layout.size.saturating_add(value), PAIR).saturating_add(PAIR);
-        Self { pins, slots, value, stride, size: topic.layout.size }
-    }
-
-    /// A number that differs where the plans of two processes do.
-    fn hash(self, topic: &TopicPlan) -> u64 {
-        let mut digest = Digest::default();
-        digest.write(topic.layout.hash().as_bytes());
-        let numbers = [self.pins, self.slots, self.value, self.stride];
-        numbers.iter().for_each(|number| digest.write_u64(*number as u64));
-        digest.finish()
-    }
-
-    fn pins_at(self) -> usize {
-        (size_of::<Preface>() + size_of::<Head<Native>>()).next_multiple_of(align_of::<Pin<Native>>())
-    }
-
-    fn slots_at(self) -> usize {
-        self.pins_at() + self.pins * size_of::<Pin<Native>>()
-    }
-
-    fn bytes(self) -> usize {
-        self.slots.saturating_mul(self.stride).saturating_add(self.slots_at())
-    }
-}
-
-impl TopicPlan {
-    /// The places for values of the topic. Of a state: one for each reader and each of four taps, two for the writer, and
-    /// its history. Of a stream: as many samples as all queues and all readers together can hold.
-    pub fn slots(&self) -> usize {
-        match self.pattern {
-            TopicPattern::State => Dimensions::of(self).slots,
-            // A killed reader holds its place until the launcher has cleaned up behind it, hence twice.
-            TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => {
-                let queues = 2 * (self.readers.len() + SIDE_PINS);
-                queues.saturating_mul(capacity.saturating_add(2)).saturating_add(2)
-            }
-        }
-    }
-
-    /// The shared memory that the topic takes, bytes, in whole pages.
-    pub fn memory_bytes(&self) -> usize {
-        let values = match self.pattern {
-            TopicPattern::State => 0,
-            TopicPattern::Stream { .. } => 1,
-            TopicPattern::Slices { longest, .. } => longest,
-        };
-        let stamps = 2 * size_of::<Stamp>();
-        let sample = up_to_multiple(values.saturating_mul(self.layout.size).saturating_add(stamps), LINE);
-        let queues = if values > 0 { self.slots().saturating_mul(sample) } else { 0 };
-        up_to_multiple(Dimensions::of(self).bytes().saturating_add(PAGE).saturating_add(queues), PAGE)
-    }
 }
 
 /// The mapped memory of a topic: words that any process may use at any time, and slots whose values are used under the
@@ -214,7 +123,7 @@ impl TopicMemory {
     }
 
     #[inline]
-    pub(super) fn slot(&self, slot: usize) -> *mut Slot {
+    fn slot(&self, slot: usize) -> *mut Slot {
         assert!(slot < self.dimensions.slots, "a topic's words name a slot that it does not have");
         // SAFETY: in bounds of the mapping by the assertion; aligned, since the slots begin at a multiple of a cache line
         // and so does each of them.
@@ -242,10 +151,25 @@ impl TopicMemory {
         self.dimensions.size
     }
 
-    /// The parts of its slots that are in use.
+    /// Fetches what is in use of a slot, if its value is as long as the one in the slot `like`, which the caller may read: it has pinned
+    /// it, or is the one writer and has not claimed it since. Without one, the beginning of the slot. Returns where the slot is.
     #[inline]
-    pub(super) fn in_use(&self) -> &InUse {
-        &self.in_use
+    pub(super) fn fetch(
+        &self,
+        slot: usize,
+        like: Option<usize>,
+        prefetch: impl Fn(*const u8, usize),
+    ) -> *const u8 {
+        let first = self.slot(slot).cast::<u8>().cast_const();
+        let Some(like) = like else {
+            prefetch(first, InUse::MOST);
+            return first;
+        };
+        let value = self.value(like).cast_const();
+        // SAFETY: `at` lies in the value (see `InUse::of`), all of it initialised, which nobody writes by the caller's promise.
+        let count = |at: usize| unsafe { value.add(at).cast::<u32>().read_unaligned() } as usize;
+        self.in_use.each(count, |offset, size| prefetch(first.wrapping_add(offset), size));
+        first
     }
 
     /// The newest publication.

@@ -17,7 +17,7 @@
 //! A [`Tap`] reads each publication in order from the slots behind the newest, at no cost to the writer. A topic with a
 //! `history` keeps that many values for taps; what a tap misses is counted.
 
-mod in_use;
+mod dimensions;
 mod memory;
 pub(crate) mod notify;
 pub(crate) mod protocol;
@@ -25,7 +25,8 @@ mod reader;
 mod tap;
 mod writer;
 
-pub(crate) use memory::{SIDE_PINS, TopicMemory};
+pub(crate) use dimensions::SIDE_PINS;
+pub(crate) use memory::TopicMemory;
 pub(crate) use reader::StateReader;
 pub(crate) use tap::Tap;
 pub(crate) use writer::StateWriter;

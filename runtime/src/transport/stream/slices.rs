@@ -3,11 +3,10 @@
 use std::rc::Rc;
 
 use super::{Connect, Lent, StreamReader, StreamWriter};
-use crate::context::Context;
+use crate::context::{Context, ReadEffects};
 use crate::declare::{StepError, TopicPattern};
 use crate::state::{Digest, Stamp, StateBuffer};
 use crate::transport::publication::{TopicWriter, checked};
-use crate::transport::reading::Effects;
 use crate::transport::topic::same_layout;
 use crate::transport::{InputPlace, OutputPlace, Participant, PortError, refused};
 
@@ -25,18 +24,18 @@ use crate::transport::{InputPlace, OutputPlace, Participant, PortError, refused}
 #[derive(Debug)]
 pub struct SliceInput<T: StateBuffer> {
     queue: Option<StreamReader<T>>,
-    effects: Effects,
+    effects: ReadEffects,
 }
 
 impl<T: StateBuffer> SliceInput<T> {
     pub(crate) fn unwired(context: Rc<Context>) -> Self {
-        Self { queue: None, effects: Effects::none(context) }
+        Self { queue: None, effects: ReadEffects::none(context) }
     }
 
     pub(crate) fn open(participant: &Participant, place: &InputPlace<'_>) -> Result<Self, PortError> {
         same_layout::<T>(place.topic, place.port)?;
         let queue = StreamReader::open(participant, place)?;
-        Ok(Self { queue: Some(queue), effects: Effects::new(participant, place) })
+        Ok(Self { queue: Some(queue), effects: place.effects(participant) })
     }
 
     /// The connection to be made before the first step.

@@ -1,17 +1,11 @@
-//! The parts of a slot that are in use, fetched ahead of those who read or fill it.
+//! The parts of a slot that are in use: of arrays with a count as many entries as it says.
 
-#![allow(unsafe_code)] // the count of a value is read where its layout says
-
-use super::TopicMemory;
-use crate::state::TypeLayout;
-
-/// Bytes that are fetched at most: beyond, the processor finds the pattern itself.
-const MOST: usize = 1024;
+use super::TypeLayout;
 
 /// The parts of a slot that are in use. A joint state has room for 64 joints: of one with 8 the other 56 need no cache lines, and
 /// take none away from what is used.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct InUse(Box<[Part]>);
+pub(crate) struct InUse(Box<[Part]>);
 
 /// A part of a slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,8 +26,11 @@ struct Counted {
 }
 
 impl InUse {
+    /// Bytes that are told at most: of longer values the processor finds the pattern itself.
+    pub(crate) const MOST: usize = 1024;
+
     /// The parts of a slot whose value, of this layout, begins at `value`.
-    pub(super) fn of(layout: &TypeLayout, value: usize) -> Self {
+    pub(crate) fn of(layout: &TypeLayout, value: usize) -> Self {
         let counted = |name: &str, kind: &str, size: usize| {
             let count = layout.fields.iter().find(|field| field.name == name)?;
             let capacity: usize = kind.trim_end_matches(']').rsplit("; ").next()?.parse().ok()?;
@@ -66,8 +63,8 @@ impl InUse {
 
     /// Offsets and sizes of what is in use, where `count` reads the count at a place of the value.
     #[inline]
-    fn each(&self, count: impl Fn(usize) -> usize, mut tell: impl FnMut(usize, usize)) {
-        let mut left = MOST;
+    pub(crate) fn each(&self, count: impl Fn(usize) -> usize, mut tell: impl FnMut(usize, usize)) {
+        let mut left = Self::MOST;
         for part in &self.0 {
             let size = match part.counted {
                 Some(Counted { at, entry }) => count(at).saturating_mul(entry).min(part.size),
@@ -79,29 +76,6 @@ impl InUse {
             }
             left -= size;
         }
-    }
-}
-
-impl TopicMemory {
-    /// Fetches what is in use of a slot, if its value is as long as the one in the slot `like`, which the caller may read: it has pinned
-    /// it, or is the one writer and has not claimed it since. Without one, the beginning of the slot. Returns where the slot is.
-    #[inline]
-    pub(super) fn fetch(
-        &self,
-        slot: usize,
-        like: Option<usize>,
-        prefetch: impl Fn(*const u8, usize),
-    ) -> *const u8 {
-        let first = self.slot(slot).cast::<u8>().cast_const();
-        let Some(like) = like else {
-            prefetch(first, MOST);
-            return first;
-        };
-        let value = self.value(like).cast_const();
-        // SAFETY: `at` lies in the value (see `InUse::of`), all of it initialised, which nobody writes by the caller's promise.
-        let count = |at: usize| unsafe { value.add(at).cast::<u32>().read_unaligned() } as usize;
-        self.in_use().each(count, |offset, size| prefetch(first.wrapping_add(offset), size));
-        first
     }
 }
 
@@ -131,7 +105,7 @@ mod tests {
         assert_eq!(lines(&of_eight), 6);
         assert_eq!(parts(&in_use, 0), [(0, 64)]);
         let all: usize = parts(&in_use, usize::MAX).iter().map(|(_, size)| size).sum();
-        assert_eq!(all, MOST, "a damaged count fetches no more than the longest value");
+        assert_eq!(all, InUse::MOST, "a damaged count fetches no more than the longest value");
     }
 
     #[test]

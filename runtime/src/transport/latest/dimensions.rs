@@ -1,0 +1,100 @@
+//! The dimensions of the memory of a topic, computed from the plan.
+
+use std::sync::atomic::AtomicU64;
+
+use super::memory::Preface;
+use super::protocol::{Head, Pin};
+use crate::atomics::Native;
+use crate::declare::TopicPattern;
+use crate::plan::TopicPlan;
+use crate::state::{Digest, Stamp};
+
+/// Pins of a topic beyond those of its readers, for tools that look on.
+pub(crate) const SIDE_PINS: usize = 4;
+pub(super) const LINE: usize = 64;
+/// Bytes of the two cache lines that processors fetch together.
+const PAIR: usize = 2 * LINE;
+pub(super) const PAGE: usize = 4096;
+/// Bytes of the words before each value: they share a cache line with its beginning.
+const SLOT_WORDS: usize = size_of::<AtomicU64>() + size_of::<Stamp>();
+
+/// Offsets in the memory of a topic, computed from the plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Dimensions {
+    pub(super) pins: usize,
+    pub(super) slots: usize,
+    /// From the beginning of a slot to its value, bytes.
+    pub(super) value: usize,
+    /// From slot to slot, bytes.
+    pub(super) stride: usize,
+    /// Bytes of a value.
+    pub(super) size: usize,
+}
+
+/// The smallest multiple of `step` from `number` on; the largest number there is where a plan asks for more than that.
+fn up_to_multiple(number: usize, step: usize) -> usize {
+    number.checked_next_multiple_of(step).unwrap_or(usize::MAX)
+}
+
+impl Dimensions {
+    pub(super) fn of(topic: &TopicPlan) -> Self {
+        let pins = topic.readers.len() + SIDE_PINS;
+        let value = up_to_multiple(SLOT_WORDS, topic.layout.alignment.max(1));
+        let slots = match topic.pattern {
+            TopicPattern::State => topic.history.saturating_add(pins + 2),
+            TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => 0,
+        };
+        // Processors fetch lines in pairs, and the ones after: between two slots lies a pair that nobody uses.
+        let stride = up_to_multiple(topic.layout.size.saturating_add(value), PAIR).saturating_add(PAIR);
+        Self { pins, slots, value, stride, size: topic.layout.size }
+    }
+
+    /// A number that differs where the plans of two processes do.
+    pub(super) fn hash(self, topic: &TopicPlan) -> u64 {
+        let mut digest = Digest::default();
+        digest.write(topic.layout.hash().as_bytes());
+        let numbers = [self.pins, self.slots, self.value, self.stride];
+        numbers.iter().for_each(|number| digest.write_u64(*number as u64));
+        digest.finish()
+    }
+
+    pub(super) fn pins_at(self) -> usize {
+        (size_of::<Preface>() + size_of::<Head<Native>>()).next_multiple_of(align_of::<Pin<Native>>())
+    }
+
+    pub(super) fn slots_at(self) -> usize {
+        self.pins_at() + self.pins * size_of::<Pin<Native>>()
+    }
+
+    pub(super) fn bytes(self) -> usize {
+        self.slots.saturating_mul(self.stride).saturating_add(self.slots_at())
+    }
+}
+
+impl TopicPlan {
+    /// The places for values of the topic. Of a state: one for each reader and each of four taps, two for the writer, and
+    /// its history. Of a stream: as many samples as all queues and all readers together can hold.
+    pub fn slots(&self) -> usize {
+        match self.pattern {
+            TopicPattern::State => Dimensions::of(self).slots,
+            // A killed reader holds its place until the launcher has cleaned up behind it, hence twice.
+            TopicPattern::Stream { capacity } | TopicPattern::Slices { capacity, .. } => {
+                let queues = 2 * (self.readers.len() + SIDE_PINS);
+                queues.saturating_mul(capacity.saturating_add(2)).saturating_add(2)
+            }
+        }
+    }
+
+    /// The shared memory that the topic takes, bytes, in whole pages.
+    pub fn memory_bytes(&self) -> usize {
+        let values = match self.pattern {
+            TopicPattern::State => 0,
+            TopicPattern::Stream { .. } => 1,
+            TopicPattern::Slices { longest, .. } => longest,
+        };
+        let stamps = 2 * size_of::<Stamp>();
+        let sample = up_to_multiple(values.saturating_mul(self.layout.size).saturating_add(stamps), LINE);
+        let queues = if values > 0 { self.slots().saturating_mul(sample) } else { 0 };
+        up_to_multiple(Dimensions::of(self).bytes().saturating_add(PAGE).saturating_add(queues), PAGE)
+    }
+}
