@@ -125,7 +125,7 @@ impl Values {
             next[depth] += 1;
             let repeats = if place == 0 { first } else { depth };
             match length {
-                // An empty list is an entry, too: one that says that there is none.
+                // Parquet stores an entry for an empty list, too; its definition level marks the list as empty.
                 0 => emit(repeats, depth, 1),
                 _ => entries.shred((length, depth + 1), repeats, next, emit),
             }

@@ -99,7 +99,7 @@ fn told(error: &McapError) -> String {
     }
 }
 
-/// What is wrong with a file that ends before it holds anything.
+/// The reason why a file of this many bytes, which ends before its first message, is refused.
 pub(super) fn cut_off(bytes: usize) -> String {
     format!("it is cut off after {bytes} bytes, before anything was recorded")
 }

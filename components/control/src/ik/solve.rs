@@ -14,7 +14,7 @@ const EASED: u32 = 2;
 impl<S: QpSolver> DifferentialIk<S> {
     /// Solves the posed problem and returns the joint velocity, exactly within its bounds.
     ///
-    /// What is beyond a limit comes back no faster than the limit of accelerations lets it become. Where constraints contradict each other,
+    /// A row beyond its limit comes back at a speed that the limit of accelerations allows. Where constraints contradict each other,
     /// first of what comes back and has a part in the contradiction that [stays](crate::limits::LimitRows::push_barrier) which is least
     /// beyond its limit. Then joints brake faster than the limit of [accelerations](Self::add_acceleration_limit) has it, those first that
     /// have a part in the contradiction; none speeds up faster, unless a contact or a task that holds exactly asks for it. At last, with a

@@ -164,7 +164,7 @@ impl Run<'_> {
                 self.add_equality::<F>(constraint)?;
             }
         }
-        // What comes after the first combination was not taken either.
+        // The bulk adoption stops at the first dependent member: those behind it are adopted one by one.
         if taken < wanted {
             for i in 0..self.work.previous.len() {
                 if let Some(member) = self.kept(i)
