@@ -20,9 +20,9 @@ pub(super) fn rounding(matrix: &DMatrix<f64>) -> f64 {
 
 /// Takes the rounding of single precision out of matrices that would be refused, or misunderstood, for it alone.
 ///
-/// A Hessian that curves downwards within rounding becomes the nearest one that does not: along directions without curvature
-/// there is none, and no slope either where that is within rounding, too. Equalities that depend on each other within rounding do so
-/// exactly, and their values agree where they do within rounding. What is in double precision stays as it is.
+/// A Hessian that curves downwards within rounding becomes the nearest positive semidefinite one; along its flat directions a slope of
+/// the cost that is within rounding becomes zero. Equalities that depend on each other within rounding become exactly dependent, and
+/// their values agree if they did within rounding. Numbers in double precision stay as they are.
 pub(super) fn clean(problem: &mut Problem) {
     let of_hessian = rounding(&problem.hessian);
     if of_hessian > ROUNDING {
