@@ -6,6 +6,7 @@ mod copies;
 mod file;
 mod gravity;
 mod mesh;
+mod numbers;
 mod sdf;
 mod surface;
 mod table;
@@ -25,6 +26,8 @@ pub use file::WorldFileError;
 pub(crate) use file::unique;
 pub use gravity::gravity_of_file;
 pub use mesh::{MeshBody, MeshCollision, MeshShape};
+pub(crate) use numbers::check;
+use numbers::{finite, from_zero, positive};
 pub use surface::{Grain, Softness};
 pub use things::{Conveyor, Ground, Object, ObjectMass, ObjectShape};
 
@@ -246,12 +249,7 @@ impl World {
             finite("world", "wind", value)?;
         }
         from_zero("world", "air_density", self.air_density)?;
-        if let Some(ground) = &self.ground {
-            finite("ground", "height", ground.height)?;
-            let frictions = [ground.friction, ground.torsional_friction, ground.rolling_friction];
-            surface("ground", frictions, ground.restitution, ground.conveyor)?;
-            textured("ground", ground.soft, ground.grain)?;
-        }
+        self.ground.as_ref().map_or(Ok(()), Ground::check_numbers)?;
         if self.ground.is_some() && self.terrain.is_some() {
             return Err(WorldError::TwoGrounds);
         }
@@ -274,79 +272,10 @@ impl World {
             if self.objects[..index].iter().any(|other| other.name == name) {
                 return taken("an object before it");
             }
-            for value in object.position {
-                finite(name, "position", value)?;
-            }
-            for value in object.rpy {
-                finite(name, "rpy", value)?;
-            }
-            for value in object.velocity.into_iter().chain(object.angular_velocity) {
-                finite(name, "velocity or angular_velocity", value)?;
-            }
-            if !object.is_dynamic() && (object.velocity, object.angular_velocity) != ([0.0; 3], [0.0; 3]) {
-                let problem = "a velocity of an object that is fixed; give it a `mass` or a `density`";
-                return Err(WorldError::Parts { name: name.to_owned(), problem });
-            }
-            match &object.shape {
-                ObjectShape::Compound(parts) => compound::check(name, parts, object.density.is_some())?,
-                shape => shape.check(name, object.is_dynamic())?,
-            }
-            for (field, value) in [("mass", object.mass), ("density", object.density)] {
-                value.map_or(Ok(()), |value| positive(name, field, value))?;
-            }
-            if object.mass.is_some() && object.density.is_some() {
-                return Err(WorldError::TwoMasses { name: name.to_owned() });
-            }
-            from_zero(name, "drag", object.drag)?;
-            let frictions = [object.friction, object.torsional_friction, object.rolling_friction];
-            surface(name, frictions, object.restitution, object.conveyor)?;
-            textured(name, object.soft, object.grain)?;
+            object.check_numbers()?;
+            object.check_shape()?;
         }
         connection::check(self)?;
         self.appearance.check(self)
     }
-}
-
-pub(crate) fn check(
-    owner: &str,
-    field: &'static str,
-    value: f64,
-    good: bool,
-    expected: &'static str,
-) -> Result<(), WorldError> {
-    if good { Ok(()) } else { Err(WorldError::Value { owner: owner.to_owned(), field, value, expected }) }
-}
-
-fn finite(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
-    check(owner, field, value, value.is_finite(), "a finite number")
-}
-
-pub(super) fn positive(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
-    check(owner, field, value, value.is_finite() && value > 0.0, "a positive number")
-}
-
-pub(super) fn from_zero(owner: &str, field: &'static str, value: f64) -> Result<(), WorldError> {
-    check(owner, field, value, value.is_finite() && value >= 0.0, "a number from 0 up")
-}
-
-/// Checks a softness and a grain.
-fn textured(owner: &str, soft: Option<Softness>, grain: Option<Grain>) -> Result<(), WorldError> {
-    soft.map_or(Ok(()), |soft| soft.check(owner))?;
-    grain.map_or(Ok(()), |grain| grain.check(owner))
-}
-
-fn surface(
-    owner: &str,
-    [friction, torsional, rolling]: [f64; 3],
-    restitution: f64,
-    conveyor: Option<Conveyor>,
-) -> Result<(), WorldError> {
-    from_zero(owner, "friction", friction)?;
-    from_zero(owner, "torsional_friction", torsional)?;
-    from_zero(owner, "rolling_friction", rolling)?;
-    check(owner, "restitution", restitution, (0.0..=1.0).contains(&restitution), "a number from 0 to 1")?;
-    for value in conveyor.iter().flat_map(|conveyor| conveyor.velocity) {
-        finite(owner, "conveyor.velocity", value)?;
-    }
-    Ok(())
 }

@@ -5,6 +5,7 @@
 //! the network, each test says that it was not run.
 
 mod adapters;
+mod arms;
 mod ends;
 mod often;
 mod rows;

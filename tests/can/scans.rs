@@ -2,78 +2,25 @@
 
 use std::path::Path;
 
-use super::row;
+use super::{arms, row};
 
 /// Writes the graph of the drives, and their drive table.
 pub(crate) fn write(folder: &Path) {
-    let put = |name: &str, text: &str| std::fs::write(folder.join(name), text).expect("a file");
-    put("drives/alone.toml", TABLE);
-    put("drives-alone.toml", GRAPH);
+    let put = |name: &str, text: String| std::fs::write(folder.join(name), text).expect("a file");
+    put("drives/alone.toml", table());
+    put("drives-alone.toml", arms::graph("drives-alone", "planar-3r", "2 kHz", "drives/alone.toml"));
 }
 
-const TABLE: &str = r#"
-[[bus]]
-name      = "classic"
-interface = "vcan0"
-bitrate   = 1_000_000
-
-[[bus]]
-name         = "fast"
-interface    = "vcan1"
-bitrate      = 1_000_000
-data_bitrate = 5_000_000
-
-[[drive]]
-joint    = "joint1"
-bus      = "classic"
-protocol = "damiao"
-node     = 4
-master   = 0x14
-watchdog = "20 ms"
-ranges   = { position = 12.5, velocity = 30.0, torque = 10.0 }
-
-[[drive]]
-joint    = "joint2"
-bus      = "fast"
-protocol = "moteus"
-node     = 9
-watchdog = "20 ms"
-ranges   = { position = 12.5, velocity = 30.0, torque = 10.0 }
-
-[[drive]]
-joint    = "joint3"
-bus      = "fast"
-protocol = "moteus"
-node     = 126
-watchdog = "20 ms"
-ranges   = { position = 12.5, velocity = 30.0, torque = 10.0 }
-"#;
-
-const GRAPH: &str = r#"
-name  = "drives-alone"
-clock = "realtime"
-
-[robot.arm]
-urdf = "planar-3r"
-
-[component.physics]
-kind      = "physics.articulated"
-robot     = "arm"
-rate      = "1 kHz"
-budget    = "150 us"
-config    = { plant = true }
-subscribe = { joint_command = "drive_efforts" }
-publish   = { joint_state = "true_joint_state" }
-
-[component.drives]
-kind      = "can.drive_sim"
-robot     = "arm"
-rate      = "2 kHz"
-budget    = "60 us"
-subscribe = { joint_state = "true_joint_state" }
-publish   = { joint_command = "drive_efforts" }
-config    = { drives = "drives/alone.toml" }
-"#;
+fn table() -> String {
+    let ranges = [12.5, 30.0, 10.0];
+    let drives = [
+        ("joint1", "classic", "protocol = \"damiao\"\nnode = 4\nmaster = 0x14"),
+        ("joint2", "fast", "protocol = \"moteus\"\nnode = 9"),
+        ("joint3", "fast", "protocol = \"moteus\"\nnode = 126"),
+    ];
+    let drives = drives.map(|(joint, bus, protocol)| arms::drive(joint, bus, protocol, ranges));
+    arms::bus("classic", "vcan0", false) + &arms::bus("fast", "vcan1", true) + &drives.concat()
+}
 
 #[test]
 fn drives_of_can_fd_are_found_on_an_interface_of_the_kernel_and_none_is_enabled() {

@@ -3,12 +3,15 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use super::arms;
+
 /// Writes its model, its drive table and its graph, and a drive table whose interface there is not.
 pub(crate) fn write(folder: &Path) {
     let put = |name: &str, text: String| std::fs::write(folder.join(name), text).expect("a file");
     put("twelve.urdf", urdf());
     put("drives/twelve.toml", table());
-    put("two-buses.toml", GRAPH.to_string());
+    let graph = arms::graph("twelve", "twelve.urdf", "4 kHz", "drives/twelve.toml");
+    put("two-buses.toml", graph + CONTROL);
     let panda = std::fs::read_to_string(folder.join("drives/panda-vcan.toml")).expect("the drive table");
     put("drives/missing.toml", panda.replace("\"vcan0\"", "\"vcan7\""));
 }
@@ -34,49 +37,18 @@ fn urdf() -> String {
 }
 
 fn table() -> String {
-    let mut text = String::new();
-    for (name, interface) in [("left", "vcan0"), ("right", "vcan1")] {
-        let _ = write!(
-            text,
-            "[[bus]]\nname = \"{name}\"\ninterface = \"{interface}\"\nbitrate = 1_000_000\ndata_bitrate = 5_000_000\n\n"
-        );
-    }
-    for i in 1..=12 {
+    let ranges = [3.0, 6.0, 30.0];
+    let drive = |i| {
         let (bus, node) = if i <= 6 { ("left", i) } else { ("right", i - 6) };
-        let _ = write!(
-            text,
-            "[[drive]]\njoint = \"joint{i}\"\nbus = \"{bus}\"\nprotocol = \"damiao\"\nnode = {node}\nwatchdog = \"20 ms\"\n\
-             ranges = {{ position = 3.0, velocity = 6.0, torque = 30.0 }}\n\n"
-        );
-    }
-    text
+        let protocol = format!("protocol = \"damiao\"\nnode = {node}");
+        arms::drive(&format!("joint{i}"), bus, &protocol, ranges)
+    };
+    let drives: String = (1..=12).map(drive).collect();
+    arms::bus("left", "vcan0", true) + &arms::bus("right", "vcan1", true) + &drives
 }
 
-const GRAPH: &str = r#"
-name  = "twelve"
-clock = "realtime"
-
-[robot.arm]
-urdf = "twelve.urdf"
-
-[component.physics]
-kind      = "physics.articulated"
-robot     = "arm"
-rate      = "1 kHz"
-budget    = "150 us"
-config    = { plant = true }
-subscribe = { joint_command = "drive_efforts" }
-publish   = { joint_state = "true_joint_state" }
-
-[component.drives]
-kind      = "can.drive_sim"
-robot     = "arm"
-rate      = "4 kHz"
-budget    = "60 us"
-subscribe = { joint_state = "true_joint_state" }
-publish   = { joint_command = "drive_efforts" }
-config    = { drives = "drives/twelve.toml" }
-
+/// What moves the arm.
+const CONTROL: &str = r#"
 [component.adapter]
 kind      = "can.adapter"
 robot     = "arm"

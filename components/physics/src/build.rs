@@ -157,6 +157,19 @@ pub enum BuildWarning {
         /// The object or `ground`.
         other: String,
     },
+    /// Two objects start inside one another, or one inside the ground.
+    #[error(
+        "\"{first}\" and \"{second}\" start {depth:.1} mm inside one another and will be pushed apart; start them farther apart",
+        depth = depth * 1e3
+    )]
+    ObjectsOverlap {
+        /// An object.
+        first: String,
+        /// Another object, or the ground.
+        second: String,
+        /// Depth of the overlap \[m\].
+        depth: f64,
+    },
     /// A joint starts beyond its limits.
     #[error(
         "joint \"{joint}\" starts at {position}, outside its limits {lower} to {upper}, and will be drawn back in"
@@ -182,7 +195,8 @@ pub enum BuildWarning {
 }
 
 impl BuildWarning {
-    /// The warnings as texts: one for all shapes that are ignored, one for all pairs of links that start too close.
+    /// The warnings as texts: one for all shapes that are ignored, one for all objects that overlap, one for all pairs of links that start
+    /// too close.
     ///
     /// ```
     /// use motorium_physics::BuildWarning;
@@ -194,6 +208,7 @@ impl BuildWarning {
     pub fn told(warnings: &[Self]) -> Vec<String> {
         let (mut ignored, mut reasons, mut close, mut told) =
             (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        let mut overlapping = Vec::new();
         for warning in warnings {
             match warning {
                 Self::ShapeIgnored { link, reason } => {
@@ -203,6 +218,7 @@ impl BuildWarning {
                     }
                 }
                 Self::SelfCollisionOff { .. } => close.push(warning),
+                Self::ObjectsOverlap { .. } => overlapping.push(warning),
                 other => told.push(other.to_string()),
             }
         }
@@ -214,6 +230,13 @@ impl BuildWarning {
                 ignored.len(),
                 ignored.join(", ")
             )),
+        }
+        match overlapping.as_slice() {
+            [] => {}
+            [one] => told.push(one.to_string()),
+            [first, ..] => {
+                told.push(format!("{} pairs of objects overlap, the first: {first}", overlapping.len()))
+            }
         }
         let pair = |warning: &&Self| match warning {
             Self::SelfCollisionOff { first, second, distance } => {

@@ -175,11 +175,20 @@ impl Terrain {
         }
     }
 
-    /// The height field of the terrain, the same for the same description and the same pictures, which are read from their files.
-    ///
-    /// # Errors
-    /// [`TerrainError`].
-    pub fn height_field(&self) -> Result<HeightField, TerrainError> {
+    /// Checks all that needs no picture: its numbers, and its other layers over a single cell.
+    pub(crate) fn check_numbers(&self) -> Result<(), TerrainError> {
+        self.cells()?;
+        let grid = (self.centre, self.spacing, [2; 2]);
+        for (number, layer) in self.layers.iter().enumerate() {
+            if !matches!(layer, TerrainLayer::Image { .. }) {
+                layer.add(&format!("layers[{number}]"), self.seed, grid, &mut [0.0; 4])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Numbers of cells along x and y, after all its own numbers have been checked.
+    fn cells(&self) -> Result<[f64; 2], TerrainError> {
         let positive = |key: &str, value: f64| {
             let good = value.is_finite() && value > 0.0;
             if good { Ok(()) } else { Err(TerrainError::value(key, value, "a positive number")) }
@@ -231,6 +240,15 @@ impl Terrain {
         if found > MOST {
             return Err(TerrainError::Fine { found, most: MOST });
         }
+        Ok(cells)
+    }
+
+    /// The height field of the terrain, the same for the same description and the same pictures, which are read from their files.
+    ///
+    /// # Errors
+    /// [`TerrainError`].
+    pub fn height_field(&self) -> Result<HeightField, TerrainError> {
+        let cells = self.cells()?;
         let count = cells.map(|cells| cells as usize + 1);
         let corner = [0, 1].map(|axis| self.centre[axis] - 0.5 * cells[axis] * self.spacing);
         let place = |index: usize, axis: usize| corner[axis] + self.spacing * index as f64;

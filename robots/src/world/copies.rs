@@ -36,11 +36,22 @@ pub struct Copies {
 /// Most copies of an object.
 const MOST: usize = 1000;
 
+/// An object whose numbers are checked where it stands, so that an error has its place.
+struct Checked(Object);
+
+impl<'de> Deserialize<'de> for Checked {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let object = Object::deserialize(deserializer)?;
+        object.check_numbers().map_err(serde::de::Error::custom)?;
+        Ok(Self(object))
+    }
+}
+
 /// Reads objects, each that has `copies` as all of these: `NAME_0`, `NAME_1` and so on, x first, then y, then z.
 pub(super) fn expanded<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<Object>, D::Error> {
-    let written = Vec::<Object>::deserialize(deserializer)?;
+    let written = Vec::<Checked>::deserialize(deserializer)?;
     let mut objects = Vec::with_capacity(written.len());
-    for object in written {
+    for Checked(object) in written {
         let Some(Copies { count, spacing }) = object.copies else {
             objects.push(object);
             continue;

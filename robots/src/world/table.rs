@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
-use super::{Connection, Ground, Object, World, copies};
+use super::{Connection, Ground, Object, World, WorldError, copies};
 use crate::{Appearance, Terrain};
 
 #[derive(Deserialize)]
@@ -14,12 +15,29 @@ struct WorldTable {
     gravity: Option<[f64; 3]>,
     wind: [f64; 3],
     air_density: f64,
+    #[serde(deserialize_with = "ground")]
     ground: Option<Ground>,
+    #[serde(deserialize_with = "terrain")]
     terrain: Option<Terrain>,
     #[serde(deserialize_with = "copies::expanded")]
     objects: Vec<Object>,
     connections: Vec<Connection>,
     appearance: Appearance,
+}
+
+/// Reads a ground and checks its numbers.
+fn ground<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Ground>, D::Error> {
+    let ground = Option::<Ground>::deserialize(deserializer)?;
+    ground.as_ref().map_or(Ok(()), Ground::check_numbers).map_err(D::Error::custom)?;
+    Ok(ground)
+}
+
+/// Reads a terrain and checks all of it but its pictures.
+fn terrain<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Terrain>, D::Error> {
+    let terrain = Option::<Terrain>::deserialize(deserializer)?;
+    let checked = terrain.as_ref().map_or(Ok(()), Terrain::check_numbers);
+    checked.map_err(|error| D::Error::custom(WorldError::Terrain(error)))?;
+    Ok(terrain)
 }
 
 impl Default for WorldTable {

@@ -1,4 +1,4 @@
-//! Links that are too close to one another, or inside something, as the robots stand at the start.
+//! Links that are too close to one another, and links and objects inside something, as all stands at the start.
 
 use super::Articulated;
 use crate::BuildWarning;
@@ -6,7 +6,7 @@ use crate::BuildWarning;
 /// Links that start closer than this never touch each other \[m\].
 const TOO_CLOSE: f64 = 0.010;
 
-/// A link that starts deeper than this inside an object is worth a warning \[m\].
+/// What starts deeper than this inside an object is worth a warning \[m\].
 const INSIDE: f64 = 1e-3;
 
 impl Articulated {
@@ -39,8 +39,26 @@ impl Articulated {
                 if !warnings.contains(&warning) {
                     warnings.push(warning);
                 }
+            } else if point.distance < -INSIDE {
+                add_overlap((first, second), -point.distance, warnings);
             }
         }
         close
+    }
+}
+
+/// Warns of two objects inside one another, once for each pair, by its deepest point.
+fn add_overlap(names: (String, String), depth: f64, warnings: &mut Vec<BuildWarning>) {
+    let known = warnings.iter_mut().find_map(|warning| match warning {
+        BuildWarning::ObjectsOverlap { first, second, depth }
+            if (&*first, &*second) == (&names.0, &names.1) =>
+        {
+            Some(depth)
+        }
+        _ => None,
+    });
+    match known {
+        Some(known) => *known = known.max(depth),
+        None => warnings.push(BuildWarning::ObjectsOverlap { first: names.0, second: names.1, depth }),
     }
 }

@@ -88,8 +88,13 @@ impl ConeSolver {
                 self.lambda[3 * index..][..3].fill(0.0);
             }
         }
-        for row in 0..rows {
-            self.velocity[row] += dot(&self.delassus[row * rows..][..rows], &self.lambda[..rows]);
+        // W is symmetric: its rows are its columns.
+        for (row, lambda) in self.delassus.chunks_exact(rows.max(1)).zip(&self.lambda[..rows]) {
+            if *lambda != 0.0 {
+                for (velocity, entry) in self.velocity[..rows].iter_mut().zip(row) {
+                    *velocity += entry * lambda;
+                }
+            }
         }
         for (index, answer) in self.answers.iter_mut().enumerate().take(points) {
             let at = 3 * index;
@@ -325,6 +330,17 @@ impl Couple {
     }
 }
 
+/// The inner product of two vectors of one length, in four sums side by side.
+#[inline]
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+    let (a, last_of_a) = a.as_chunks::<4>();
+    let (b, last_of_b) = b.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for (a, b) in a.iter().zip(b) {
+        for (sum, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            *sum += a * b;
+        }
+    }
+    let rest: f64 = last_of_a.iter().zip(last_of_b).map(|(a, b)| a * b).sum();
+    (sums[0] + sums[1]) + (sums[2] + sums[3]) + rest
 }

@@ -175,9 +175,7 @@ impl ConeSolver {
             // The joints may hold a connection along any of its axes.
             let largest = if held { w(0, 0).max(w(1, 1)).max(w(2, 2)) } else { w(0, 0) };
             let compliance = COMPLIANCE * largest + soft[index];
-            for (entry, unknown) in system[next * size..][..size].iter_mut().zip(unknowns.iter()) {
-                *entry = delassus[at * rows + unknown];
-            }
+            choose(&delassus[at * rows..][..rows], unknowns, &mut system[next * size..][..size]);
             system[next * size + next] += compliance;
             step[next] = target[index] - velocity[at] - compliance * lambda[at];
             let tangents = if held { compliance } else { COMPLIANCE * w(1, 1).max(w(2, 2)) };
@@ -189,9 +187,7 @@ impl ConeSolver {
                 Mode::Stick | Mode::Held => {
                     for part in 1..3 {
                         let row = &mut system[(next + part) * size..][..size];
-                        for (entry, unknown) in row.iter_mut().zip(unknowns.iter()) {
-                            *entry = delassus[(at + part) * rows + unknown];
-                        }
+                        choose(&delassus[(at + part) * rows..][..rows], unknowns, row);
                         row[next + part] += tangents;
                         step[next + part] = -velocity[at + part];
                     }
@@ -215,6 +211,17 @@ impl ConeSolver {
             }
             next += 3;
         }
+    }
+}
+
+/// Copies those entries of a row of W that belong to the unknowns.
+fn choose(row: &[f64], unknowns: &[usize], into: &mut [f64]) {
+    if unknowns.len() == row.len() {
+        into.copy_from_slice(row);
+        return;
+    }
+    for (entry, unknown) in into.iter_mut().zip(unknowns) {
+        *entry = row[*unknown];
     }
 }
 

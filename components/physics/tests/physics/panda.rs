@@ -1,6 +1,7 @@
 //! The catalogue's Panda, ready to simulate.
 
 use std::path::Path;
+use std::sync::LazyLock;
 
 use motorium_physics::{JointCommand, Options, Simulator, World};
 use motorium_robots::{Loaded, load};
@@ -11,9 +12,17 @@ pub(crate) fn loaded() -> Loaded {
     load("panda", Path::new(".")).unwrap()
 }
 
-pub(crate) fn home() -> Vec<f64> {
+/// Home, and the gains of each joint: read once, since tests ask for them in every step.
+static HOME_AND_GAINS: LazyLock<(Vec<f64>, Vec<[f64; 2]>)> = LazyLock::new(|| {
     let panda = loaded();
-    panda.profile.unwrap().home(&panda.model).unwrap().as_slice().to_vec()
+    let profile = panda.profile.unwrap();
+    let gains = profile.gains(&panda.model).unwrap();
+    let gains = gains.kp.iter().zip(gains.kd.iter()).map(|(kp, kd)| [*kp, *kd]).collect();
+    (profile.home(&panda.model).unwrap().as_slice().to_vec(), gains)
+});
+
+pub(crate) fn home() -> Vec<f64> {
+    HOME_AND_GAINS.0.clone()
 }
 
 /// At home in `world`.
@@ -23,9 +32,7 @@ pub(crate) fn at_home(engine: Engine, world: World, options: Options) -> Box<dyn
 
 /// The gains of the catalogue, holding `q`.
 pub(crate) fn hold(q: &[f64]) -> Vec<JointCommand> {
-    let panda = loaded();
-    let gains = panda.profile.unwrap().gains(&panda.model).unwrap();
-    q.iter().enumerate().map(|(i, &q)| JointCommand::hold(q, gains.kp[i], gains.kd[i])).collect()
+    q.iter().zip(&HOME_AND_GAINS.1).map(|(q, [kp, kd])| JointCommand::hold(*q, *kp, *kd)).collect()
 }
 
 /// Holds `q` with the catalogue's gains from now on.

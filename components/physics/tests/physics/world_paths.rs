@@ -1,8 +1,8 @@
-//! Files of worlds in graphs whose files lie in several folders.
+//! Worlds of graphs: files in several folders, and the places of mistakes.
 
 use std::path::Path;
 
-use motorium::graph::load;
+use motorium::graph::{Machine, check, load};
 
 use crate::component::registry;
 use crate::meshes::box_between;
@@ -66,4 +66,72 @@ objects = [{ name = "rock", position = [1.0, 0.0, 3.0], shape = { mesh = { file 
     std::fs::remove_file(folder.join("own/rock.obj")).unwrap();
     let refused = check().unwrap_err().render(false);
     assert!(refused.contains("rock.obj") && refused.contains("own"), "{refused}");
+}
+
+/// A graph with this world, checked: what is said of it.
+fn said(world: &str) -> String {
+    let text = format!("{BASE}\n{world}");
+    let checked = check(Path::new("world.toml"), text, &[], &registry(), &Machine::detect());
+    checked.map_or_else(|error| error.render(false), |_| String::new())
+}
+
+#[test]
+fn a_mistake_in_the_world_is_pointed_at_where_it_stands() {
+    let good = r#"[world]
+objects = [
+    { name = "one", shape = { sphere = { radius = 0.1 } }, position = [2.0, 0.0, 1.0], mass = 1.0 },
+    { name = "two", shape = { box = { size = [0.1, 0.1, 0.1] } }, position = [3.0, 0.0, 1.0], mass = 1.0 },
+]
+
+[world.terrain]
+size   = [2.0, 2.0]
+layers = [{ equation = { height = "sin(x)" } }]
+"#;
+    assert_eq!(said(good), "");
+    let lines: Vec<String> = format!("{BASE}\n{good}").lines().map(str::to_owned).collect();
+    let line_of = |text: &str| 1 + lines.iter().position(|line| line.contains(text)).unwrap();
+    for (from, to, place, expected) in [
+        ("radius = 0.1", "radius = 0.0", "name = \"one\"", "one: `radius` is 0, expected a positive number"),
+        (
+            "0.1] } }, position = [3.0, 0.0, 1.0], mass = 1.0",
+            "0.1] } }, position = [3.0, 0.0, 1.0], mass = -1.0",
+            "name = \"two\"",
+            "two: `mass` is -1",
+        ),
+        ("sin(x)", "sin(x", "[world.terrain]", "`layers[0].equation.height`"),
+        (
+            "size   = [2.0, 2.0]",
+            "size   = [2.0e4, 2.0]",
+            "[world.terrain]",
+            "raise `spacing` or lower `size`",
+        ),
+    ] {
+        let said = said(&good.replacen(from, to, 1));
+        let place = format!("world.toml:{}:", line_of(place));
+        assert!(said.contains(expected) && said.contains(&place), "{to}, {place}:\n{said}");
+    }
+}
+
+#[test]
+fn objects_that_start_inside_one_another_are_warned_of_once() {
+    use motorium_physics::{ArticulatedSimulator, BuildWarning, Options, Simulator, World};
+    let world = r#"
+ground  = {}
+objects = [
+    { name = "a", shape = { box = { size = [0.1, 0.1, 0.1] } }, mass = 1.0, position = [3.0, 0.0, 0.05], copies = { count = [3, 1, 1], spacing = [0.08, 0.0, 0.0] } },
+    { name = "b", shape = { sphere = { radius = 0.1 } }, mass = 1.0, position = [5.0, 0.0, 0.0999] },
+]"#;
+    let world: World = toml::from_str(world).unwrap();
+    let model = motorium_robots::load("pendulum", Path::new(".")).unwrap().model;
+    let model = model.placed(&nalgebra::Isometry3::translation(0.0, 0.0, 5.0));
+    let simulation = ArticulatedSimulator::new(model, world, &[0.0], Options::default()).unwrap();
+    let overlap = |first: &str, second: &str| BuildWarning::ObjectsOverlap {
+        first: first.into(),
+        second: second.into(),
+        depth: 0.02,
+    };
+    let told = BuildWarning::told(simulation.warnings());
+    let expected = BuildWarning::told(&[overlap("a_0", "a_1"), overlap("a_1", "a_2")]);
+    assert_eq!(told, expected);
+    assert!(told[0].starts_with("2 pairs of objects overlap, the first: \"a_0\" and \"a_1\" start 20.0 mm"));
 }

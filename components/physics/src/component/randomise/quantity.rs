@@ -132,7 +132,11 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
         let Some(index) = objects.iter().position(|object| object.name == *name) else {
             let names: Vec<_> = objects.iter().map(|object| object.name.as_str()).collect();
             let message = format!("the world has no object `{name}`");
-            return Err(ConfigError::key(key, message).advise(format!("it has: {}", names.join(", "))));
+            let advice = match names.as_slice() {
+                [] => "it has none: add `objects` to the world".to_owned(),
+                names => format!("it has: {}", names.join(", ")),
+            };
+            return Err(ConfigError::key(key, message).advise(advice));
         };
         let places = [ranges.x, ranges.y, ranges.z, ranges.yaw];
         if !objects[index].is_dynamic() && (ranges.mass.is_some() || places.iter().any(Option::is_some)) {
