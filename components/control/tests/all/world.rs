@@ -126,7 +126,7 @@ fn an_arm_keeps_its_distance_from_where_a_ball_is_and_not_from_where_it_was() {
 
 #[test]
 fn a_pose_that_is_none_is_refused_by_name_and_the_last_good_one_is_kept() {
-    let ended = |level: &str, orientation_w: f64, position_z: f64| {
+    let ended = |level: &str, orientation_w: f64| {
         let objects = Source::new("objects", "world/objects", move |tick| {
             let (at, is_good) = (middle(), tick.time() < 0.2);
             let mut poses = ObjectPoses::default();
@@ -134,7 +134,7 @@ fn a_pose_that_is_none_is_refused_by_name_and_the_last_good_one_is_kept() {
             // after a fifth of a second it claims to be far away, by poses that are none
             poses.position_x_mut()[0] = at.x;
             poses.position_y_mut()[0] = if is_good { at.y } else { at.y + 2.0 };
-            poses.position_z_mut()[0] = if is_good { at.z } else { at.z + position_z };
+            poses.position_z_mut()[0] = at.z;
             poses.orientation_w_mut()[0] = if is_good { 1.0 } else { orientation_w };
             Some(poses)
         });
@@ -145,20 +145,15 @@ fn a_pose_that_is_none_is_refused_by_name_and_the_last_good_one_is_kept() {
         let report = checked(run(graph("{}", targets, controller).with(objects)));
         (distance(&report), report.results["controller"]["object_poses_refused"].clone())
     };
-    for (level, w, z) in [
-        ("", f64::NAN, 0.0),
-        ("", 0.0, 0.0),
-        ("", f64::INFINITY, 0.0),
-        ("", 1.0, f64::NAN),
-        ("inverse_dynamics = {},", f64::NAN, 0.0),
-    ] {
-        let (kept, refused) = ended(level, w, z);
-        assert!((0.028..0.05).contains(&kept), "{level} {w} {z}: {kept}");
+    // numbers that are not finite no output publishes
+    for (level, w) in [("", 0.0), ("", 3.0), ("inverse_dynamics = {},", 0.0)] {
+        let (kept, refused) = ended(level, w);
+        assert!((0.028..0.05).contains(&kept), "{level} {w}: {kept}");
         assert!(number(&refused["count"]) > 100.0, "{refused}");
         let first = refused["first"].as_str().unwrap();
         assert!(first.contains("`ball`") && first.contains("unit quaternion"), "{first}");
     }
-    let (_, refused) = ended("", 1.0, 0.0);
+    let (_, refused) = ended("", 1.0);
     assert_eq!((refused["count"].as_u64(), refused["first"].as_str()), (Some(0), None));
 }
 
