@@ -27,6 +27,7 @@ pub(crate) fn measure(humanoid: &Biped, talos: Option<&Biped>) {
         ("humanoid, four tasks, to and fro", Tasks::Four, Motion::ToAndFro),
         ("humanoid, four tasks, a jump each second", Tasks::Four, Motion::Round),
         ("humanoid, four tasks, a foot lifted", Tasks::Four, Motion::Step),
+        ("humanoid, four tasks, it falls", Tasks::Four, Motion::Fall),
     ] {
         row(name, TorqueCycle::new(humanoid, tasks, motion));
     }

@@ -11,7 +11,7 @@ use motorium_control::{
     solver::{Problem, Sides, Structure},
 };
 use motorium_robots::{Kinematics, Model};
-use nalgebra::Vector3;
+use nalgebra::{Isometry3, Vector3};
 
 use crate::bipeds::Biped;
 
@@ -33,8 +33,16 @@ pub(crate) enum Motion {
     ToAndFro,
     /// Round and round: each thousandth follows on one that is far away.
     Round,
-    /// Round, where the last is the first again: it leans over its left foot, lifts the right one, and sets it down.
+    /// Round, where the last is the first again: it leans over its left foot, lifts the right one, and sets it down where it was.
     Step,
+    /// The same, but nothing leads the right foot, which comes down elsewhere: it falls, and at the end no motion satisfies all constraints.
+    Fall,
+}
+
+impl Motion {
+    fn lifts(self) -> bool {
+        matches!(self, Self::Step | Self::Fall)
+    }
 }
 
 /// A state along the motion.
@@ -43,8 +51,9 @@ struct Moment {
     v: Vec<f64>,
     /// Place of the centre of mass that is wanted.
     wanted: Vector3<f64>,
-    /// Share of its load that the right foot bears; 0 where it is lifted.
+    /// Share of its load that the right foot bears; 0 where it is lifted, and its height above the ground then \[m\].
     load: f64,
+    height: f64,
 }
 
 pub(crate) struct TorqueCycle {
@@ -60,6 +69,9 @@ pub(crate) struct TorqueCycle {
     centre: CentreOfMassAcceleration,
     momentum: MomentumRate,
     hand: CartesianAcceleration,
+    /// The right foot while it is lifted.
+    foot: CartesianAcceleration,
+    ground: Isometry3<f64>,
     posture: PostureAcceleration,
     tasks: Tasks,
 }
@@ -78,6 +90,7 @@ impl TorqueCycle {
         let mut goal = kinematics.pose(&model, palm);
         goal.translation.vector += Vector3::new(0.1, 0.0, 0.15);
         hand.set_target(goal);
+        let ground = kinematics.pose(&model, biped.feet[1]);
         let posture = PostureAcceleration::new(&model, model.joints_of_q(&q), Feedback::critical(4.0));
         let mut cycle = Self {
             momentum: MomentumRate::angular(&model, 5.0).weights(0.0, 0.2),
@@ -90,18 +103,22 @@ impl TorqueCycle {
             control,
             centre,
             hand,
+            foot: CartesianAcceleration::new(&model, biped.feet[1], Feedback::critical(20.0)),
+            ground,
             model,
             tasks,
             motion,
         };
         let (mut q, mut v) = (q, vec![0.0; cycle.model.nv()]);
-        for tick in 0..if motion == Motion::Step { 6000 } else { 1000 } {
-            let (lean, load) = step(motion, f64::from(tick) * DT);
+        for tick in 0..if motion.lifts() { 6000 } else { 1000 } {
+            let (lean, load, height) = step(motion, f64::from(tick) * DT);
             let wanted = match motion {
-                Motion::Step => start + lean * Vector3::new(above.x - start.x, above.y - start.y, -0.02),
+                Motion::Step | Motion::Fall => {
+                    start + lean * Vector3::new(above.x - start.x, above.y - start.y, -0.02)
+                }
                 _ => start + Vector3::new(0.01, 0.04, -0.02),
             };
-            cycle.moments.push(Moment { q: q.clone(), v: v.clone(), wanted, load });
+            cycle.moments.push(Moment { q: q.clone(), v: v.clone(), wanted, load, height });
             cycle.next = cycle.moments.len() - 1;
             cycle.run();
             let a = cycle.control.solution().acceleration.clone();
@@ -128,7 +145,7 @@ impl TorqueCycle {
         self.kinematics.update_with_velocity(&self.model, q, v);
         let state = MotionState { model: &self.model, kinematics: &self.kinematics, q, v };
         self.centre.set_target(moment.wanted);
-        if self.motion == Motion::Step {
+        if self.motion.lifts() {
             self.control.set_active(1, moment.load > 0.0);
             let most = if moment.load < 1.0 { moment.load * 0.5 * self.weight } else { f64::INFINITY };
             self.control.set_max_force(1, most);
@@ -140,14 +157,21 @@ impl TorqueCycle {
         for task in tasks.into_iter().take(count) {
             self.control.add_task(&state, 0, task);
         }
+        if self.motion == Motion::Step && moment.load == 0.0 {
+            let mut up = self.ground;
+            up.translation.vector.z += moment.height;
+            self.foot.set_target(up);
+            self.control.add_task(&state, 0, &mut self.foot);
+        }
         std::hint::black_box(self.control.solve().expect("it stands")).iterations
     }
 }
 
-/// Share of the way to its left foot at which the centre of mass is wanted at a time \[s\], and the share of its load that the right one bears.
-fn step(motion: Motion, t: f64) -> (f64, f64) {
-    if motion != Motion::Step {
-        return (0.0, 1.0);
+/// Share of the way to its left foot at which the centre of mass is wanted at a time \[s\], the share of its load that the right one bears,
+/// and its height \[m\].
+fn step(motion: Motion, t: f64) -> (f64, f64, f64) {
+    if !motion.lifts() {
+        return (0.0, 1.0, 0.0);
     }
     let smooth = |t: f64| {
         let t = t.clamp(0.0, 1.0);
@@ -155,7 +179,7 @@ fn step(motion: Motion, t: f64) -> (f64, f64) {
     };
     let lean = smooth(t) - smooth(t - 3.5);
     let load = (1.0 - 10.0 * (t - 2.0)).clamp(0.0, 1.0) + (10.0 * (t - 3.0)).clamp(0.0, 1.0);
-    (lean, load)
+    (lean, load, 0.05 * (smooth(4.0 * (t - 2.1)) - smooth(4.0 * (t - 2.7))))
 }
 
 /// The problems of the humanoid of the catalogue along its motion.

@@ -4,7 +4,7 @@ use core::ops::RangeInclusive;
 
 use motorium::prelude::*;
 use motorium_robots::{Model, PerJoint};
-use nalgebra::DVector;
+use nalgebra::{DVector, Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 /// The value, if it is within `range`. An end of `f64::MIN` or `f64::MAX` stands for no limit.
 pub(super) fn in_range(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<f64, ConfigError> {
@@ -36,4 +36,16 @@ pub(super) fn per_joint(key: &str, given: &PerJoint, model: &Model) -> Result<DV
 pub(super) fn is_name(name: &str) -> bool {
     name.starts_with(|c: char| c.is_ascii_lowercase())
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
+}
+
+/// The pose of a message: a position \[m\] and an orientation x, y, z, w. None where a number is not finite, or half or twice the length of
+/// a unit quaternion shows that it is none: that is no rounding error.
+pub(super) fn pose_of(position: [f64; 3], orientation: [f64; 4]) -> Option<Isometry3<f64>> {
+    let [x, y, z, w] = orientation;
+    let rotation = Quaternion::new(w, x, y, z);
+    let is_pose = position.iter().all(|number| number.is_finite()) && (0.5..2.0).contains(&rotation.norm());
+    is_pose.then(|| {
+        let rotation = UnitQuaternion::new_normalize(rotation);
+        Isometry3::from_parts(Translation3::from(position), rotation)
+    })
 }

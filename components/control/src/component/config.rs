@@ -26,8 +26,8 @@ use crate::limits::{PositionLimit, VelocityLimit};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct QpControllerConfig {
-    /// Tasks, as a weighted sum. Default: the only end effector follows `target`, the joints stay near the home pose.
-    pub tasks: Vec<TaskConfig>,
+    /// Tasks, as a weighted sum, at least one. Default: the only end effector follows `target`, the joints stay near the home pose.
+    pub tasks: Option<Vec<TaskConfig>>,
     /// Settings of levels of the tasks. Default: none of their own.
     pub levels: Vec<LevelConfig>,
     /// Limits of the commanded motion.
@@ -71,7 +71,7 @@ pub struct QpControllerConfig {
 impl Default for QpControllerConfig {
     fn default() -> Self {
         Self {
-            tasks: Vec::new(),
+            tasks: None,
             levels: Vec::new(),
             limits: LimitsConfig::default(),
             inverse_dynamics: None,

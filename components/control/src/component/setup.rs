@@ -75,7 +75,16 @@ impl ControllerSetup {
             true => feed_forward.with_inertia(ACCELERATION_SMOOTHING),
             false => feed_forward,
         };
-        let tasks = if config.tasks.is_empty() { default_tasks() } else { config.tasks.clone() };
+        let tasks = config.tasks.clone().unwrap_or_else(default_tasks);
+        if tasks.is_empty() {
+            return Err(ConfigError::key(
+                "tasks",
+                "an empty list: a controller without a task moves nothing",
+            )
+            .advise(
+                "add a task, such as `{ posture = {} }`, or leave `tasks` out for the tasks of the default",
+            ));
+        }
         let torque = config.inverse_dynamics.is_some();
         let unknowns = config.inverse_dynamics.as_ref().map_or(Unknowns::default(), |table| table.unknowns);
         let contacts = match &config.inverse_dynamics {

@@ -183,6 +183,7 @@ impl VelocityController {
     pub(super) fn result(&self) -> serde_json::Value {
         let mut result = results(&self.tasks);
         self.rows.add_to(&mut result);
+        self.objects.add_to(&mut result);
         self.figures.add_to(&mut result, &self.model);
         result
     }
@@ -262,6 +263,7 @@ impl VelocityController {
     fn solve_parts(&mut self, bounds: &TaskBounds) -> bool {
         let parts = self.fades.parts();
         self.diagnostics.begin_step();
+        self.figures.begin_step();
         let mut solved = true;
         if parts == 1 {
             solved = self.solve_tasks(bounds.dt);
@@ -323,7 +325,7 @@ impl VelocityController {
     }
 
     fn publish_diagnostics(&mut self, solved: bool) -> Result<(), StepError> {
-        let Self { diagnostics, tasks, ik, model, .. } = self;
+        let Self { diagnostics, tasks, ik, model, figures, .. } = self;
         let base = model.nv() - model.joint_count();
         diagnostics.publish(tasks.len(), |message| {
             for constraint in ik.conflict().iter().flat_map(|conflict| conflict.constraints()) {
@@ -337,7 +339,7 @@ impl VelocityController {
                 Some(_) => ControlDiagnostics::RELAXED,
                 None => ControlDiagnostics::SOLVED,
             };
-            message.iterations = ik.iterations();
+            (message.iterations, message.undecided) = (figures.step_iterations, figures.step_undecided);
             for (residual, held) in message.residual_mut().iter_mut().zip(tasks) {
                 *residual = held.task.task().map_or(0.0, |task| task.residual(ik.velocity()));
             }

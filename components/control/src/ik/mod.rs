@@ -96,8 +96,9 @@ pub struct DifferentialIk<S = ActiveSetSolver> {
     is_hurried: bool,
     /// For each row whether its limit may give way.
     is_soft: Vec<bool>,
-    /// Iterations of the solver that decided the first level of the last solution.
+    /// Iterations of all solvers in the last solution, and levels below the first that it leaves undecided.
     iterations: u32,
+    undecided: u32,
 }
 
 /// Numbers of rows that a [`DifferentialIk`] has room for besides the bounds of the joints.
@@ -195,6 +196,7 @@ impl<S: QpSolver> DifferentialIk<S> {
             is_hurried: false,
             is_soft: vec![false; problem.row_lower.len()],
             iterations: 0,
+            undecided: 0,
             settings,
             solver,
             velocity: vec![0.0; variables],
@@ -358,7 +360,8 @@ impl<S: QpSolver> DifferentialIk<S> {
         if let Some(relaxed) = &mut self.relaxed {
             relaxed.reset();
         }
-        (self.conflict, self.is_hurried, self.iterations) = (None, false, 0);
+        (self.conflict, self.is_hurried) = (None, false);
+        (self.iterations, self.undecided) = (0, 0);
         if let Some(below) = &mut self.below {
             below.solvers.iter_mut().for_each(LevelSolver::reset);
         }
@@ -370,9 +373,16 @@ impl<S: QpSolver> DifferentialIk<S> {
         &self.velocity[..self.motions]
     }
 
-    /// Iterations of the solver that decided the first level of the last [`solve`](Self::solve), relaxed or not; 0 without a solution.
+    /// Iterations of all solvers in the last [`solve`](Self::solve), whatever it took: those of the first level, each time that it was
+    /// solved, relaxed or not, and those of the levels below it.
     pub fn iterations(&self) -> u32 {
         self.iterations
+    }
+
+    /// Levels below the first that the last [`solve`](Self::solve) left undecided, for their solver found no solution: they move nothing,
+    /// and what the levels above decide holds.
+    pub fn undecided(&self) -> u32 {
+        self.undecided
     }
 
     /// The problem as posed.

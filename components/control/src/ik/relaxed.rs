@@ -18,14 +18,6 @@ pub(super) struct Relaxed {
     solver: ActiveSetSolver,
 }
 
-/// How a tick was relaxed.
-pub(super) struct GivenWay {
-    /// Largest `|A_c v - b_c|`.
-    pub(super) slack: f64,
-    /// Iterations of the solver.
-    pub(super) iterations: u32,
-}
-
 impl Relaxed {
     pub(super) fn new(structure: &Structure, weight: f64) -> Self {
         let structure = structure.clone().equalities(0);
@@ -36,11 +28,11 @@ impl Relaxed {
         }
     }
 
-    /// Solves `posed`, relaxed.
+    /// Solves `posed`, relaxed. Returns the largest `|A_c v - b_c|`.
     ///
     /// # Errors
     /// The numbers of the problem are of no use, or the solver reached its limit.
-    pub(super) fn solve(&mut self, posed: &Problem, velocity: &mut [f64]) -> Result<GivenWay, IkError> {
+    pub(super) fn solve(&mut self, posed: &Problem, velocity: &mut [f64]) -> Result<f64, IkError> {
         let Self { weight, problem, solver } = self;
         problem.hessian.copy_from(&posed.hessian);
         problem.gradient.copy_from(&posed.gradient);
@@ -64,7 +56,12 @@ impl Relaxed {
             let moved: f64 = row.iter().zip(velocity.iter()).map(|(entry, v)| entry * v).sum();
             (moved - value).abs()
         });
-        Ok(GivenWay { slack: missed.fold(0.0, f64::max), iterations: found.iterations })
+        Ok(missed.fold(0.0, f64::max))
+    }
+
+    /// Iterations of the last solve.
+    pub(super) fn iterations(&self) -> u32 {
+        self.solver.iterations()
     }
 
     pub(super) fn reset(&mut self) {

@@ -2,7 +2,7 @@
 
 use super::{Below, DifferentialIk, IkConflict, IkError};
 use crate::limits::are_alike;
-use crate::solver::{Conflict, Constraint, QpSolver, Side, Solution, SolveError};
+use crate::solver::{Conflict, Constraint, QpSolver, Side, SolveError};
 
 /// Solutions of a tick in which only those give way that a contradiction names, before all do.
 const NAMED: u32 = 8;
@@ -24,7 +24,8 @@ impl<S: QpSolver> DifferentialIk<S> {
     /// # Errors
     /// [`IkError`]; [`velocity`](Self::velocity) is zero then.
     pub fn solve(&mut self) -> Result<&[f64], IkError> {
-        (self.conflict, self.is_hurried, self.iterations) = (None, false, 0);
+        (self.conflict, self.is_hurried) = (None, false);
+        (self.iterations, self.undecided) = (0, 0);
         self.slow_returns();
         let mut decided = self.solve_first();
         let (mut named, mut eased) = (NAMED, if self.is_narrowed { EASED } else { 0 });
@@ -50,7 +51,6 @@ impl<S: QpSolver> DifferentialIk<S> {
         }
         if let Err(error) = decided.and_then(|()| self.solve_below()) {
             self.velocity.fill(0.0);
-            self.iterations = 0;
             return Err(error);
         }
         Ok(&self.velocity[..self.motions])
@@ -60,9 +60,9 @@ impl<S: QpSolver> DifferentialIk<S> {
     fn solve_first(&mut self) -> Result<(), IkError> {
         self.velocity.fill(0.0);
         self.solver.update(&self.problem)?;
-        let Solution { x, iterations, .. } = self.solver.solve()?;
-        self.velocity.copy_from_slice(x.as_slice());
-        self.iterations = *iterations;
+        let found = self.solver.solve().map(|found| self.velocity.copy_from_slice(found.x.as_slice()));
+        self.iterations += self.solver.iterations();
+        found?;
         self.clamp();
         Ok(())
     }
@@ -230,9 +230,11 @@ impl<S: QpSolver> DifferentialIk<S> {
         let mut found = IkConflict::new(conflict, self.motions);
         let relaxed = match &mut self.relaxed {
             None => Err(IkError::Solve(SolveError::Infeasible { conflict })),
-            Some(relaxed) => relaxed.solve(&self.problem, &mut self.velocity).map(|way| {
-                (found.slack, self.iterations) = (way.slack, way.iterations);
-            }),
+            Some(relaxed) => {
+                let way = relaxed.solve(&self.problem, &mut self.velocity);
+                self.iterations += relaxed.iterations();
+                way.map(|slack| found.slack = slack)
+            }
         };
         self.conflict = Some(found);
         relaxed?;
@@ -240,14 +242,26 @@ impl<S: QpSolver> DifferentialIk<S> {
         Ok(())
     }
 
-    /// Moves the velocity of the first level by what the levels below decide.
+    /// Moves the velocity of the first level by what the levels below decide. What is decided above a level without a solution is a
+    /// solution, too.
     fn solve_below(&mut self) -> Result<(), IkError> {
         let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
         freedom.open();
         let mut above = &*first;
         for (level, solver) in levels.iter_mut().zip(solvers) {
             freedom.close(above);
-            solver.solve(level, freedom, &self.problem, &mut self.velocity)?;
+            let solved = solver.solve(level, freedom, &self.problem, &mut self.velocity);
+            self.iterations += solver.iterations;
+            match solved {
+                Err(IkError::Solve(error)) => {
+                    // at its limit the solver goes on in the next tick
+                    if !matches!(error, SolveError::MaxIterations { .. }) {
+                        solver.reset();
+                    }
+                    self.undecided += 1;
+                }
+                solved => solved?,
+            }
             above = &level.rows;
         }
         self.clamp();

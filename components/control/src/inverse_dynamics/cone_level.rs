@@ -39,6 +39,21 @@ impl BelowSolver {
         }
     }
 
+    /// Iterations of the last solve.
+    pub(super) fn iterations(&self) -> u32 {
+        match self {
+            Self::Pyramids(solver) => solver.iterations,
+            Self::Cones(solver) => solver.iterations,
+        }
+    }
+
+    /// Bounds the iterations of the next solve. Clarabel has a bound of its own.
+    pub(super) fn set_max_iterations(&mut self, most: u32) {
+        if let Self::Pyramids(solver) = self {
+            solver.set_max_iterations(most);
+        }
+    }
+
     pub(super) fn reset(&mut self) {
         match self {
             Self::Pyramids(solver) => solver.reset(),
@@ -63,6 +78,8 @@ pub(super) struct ConeLevel {
     /// `P` times a column of `Z`, and `P x + q`.
     product: DVector<f64>,
     slope: DVector<f64>,
+    /// Iterations of the last solve.
+    iterations: u32,
 }
 
 impl ConeLevel {
@@ -81,7 +98,7 @@ impl ConeLevel {
         problem.equality_matrix.view_mut((0, 0), (n, n)).fill_with_identity();
         let cones = friction_cones(order, order.velocities);
         let solver = ClarabelSolver::with_cones(wide, cones, ClarabelSettings::default());
-        Self { problem, solver, product: DVector::zeros(n), slope: DVector::zeros(n) }
+        Self { problem, solver, product: DVector::zeros(n), slope: DVector::zeros(n), iterations: 0 }
     }
 
     fn solve(
@@ -93,6 +110,7 @@ impl ConeLevel {
         x: &mut [f64],
     ) -> Result<(), IkError> {
         let (n, open) = (x.len(), freedom.count());
+        self.iterations = 0;
         if open == 0 {
             return Ok(());
         }
@@ -132,7 +150,10 @@ impl ConeLevel {
         problem.upper.rows_mut(0, n).copy_from(&limits.upper);
         set_friction(&mut self.solver, contacts);
         self.solver.update(problem)?;
-        let found = self.solver.solve()?;
+        let solved = self.solver.solve().map(|_| ());
+        self.iterations = self.solver.iterations();
+        solved?;
+        let found = self.solver.solution();
         x.copy_from_slice(&found.x.as_slice()[..n]);
         Ok(())
     }

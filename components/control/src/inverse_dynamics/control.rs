@@ -7,18 +7,15 @@ use super::cone_level::BelowSolver;
 use super::contact::{Contact, ContactPlace, ContactShape};
 use super::limits::{DynamicsRows, Predicted};
 use super::mixture::Mixture;
-use super::names::{Conflicting, Order};
-use super::outcome::{
-    FrictionModel, InverseDynamicsError, InverseDynamicsSettings, InverseDynamicsSolution, Unknowns,
-};
+use super::names::Order;
+use super::outcome::{FrictionModel, InverseDynamicsSettings, InverseDynamicsSolution, Unknowns};
 use super::reduced::Reduced;
 use super::relaxed::Relaxed;
 use super::solver::FirstLevel;
 use super::tasks::AccelerationTask;
 use super::{JointAccelerationLimits, MotionState, WrenchCone};
-use crate::ik::IkError;
 use crate::levels::{Freedom, Level, Rows};
-use crate::solver::{Problem, Sides, Solution, SolveError, Structure};
+use crate::solver::{Problem, Sides, Structure};
 
 /// Inverse dynamics of a whole body: the accelerations and contact forces that minimise a weighted sum of task costs within all
 /// constraints, and the torques for them; see the [module](super). Nothing allocates after construction.
@@ -36,7 +33,7 @@ pub struct InverseDynamics {
     structure: Structure,
     pub(super) solver: FirstLevel,
     pub(super) reduced: Option<Reduced>,
-    relaxed: Option<Relaxed>,
+    pub(super) relaxed: Option<Relaxed>,
     pub(super) below: Option<Below>,
     /// The robot of the next tick, where there are limits of velocities.
     pub(super) predicted: Option<Predicted>,
@@ -56,9 +53,9 @@ pub struct InverseDynamics {
 pub(super) struct Below {
     /// Equalities and the tasks of the first level.
     pub(super) first: Rows,
-    levels: Vec<Level>,
-    solvers: Vec<BelowSolver>,
-    freedom: Freedom,
+    pub(super) levels: Vec<Level>,
+    pub(super) solvers: Vec<BelowSolver>,
+    pub(super) freedom: Freedom,
 }
 
 impl InverseDynamics {
@@ -226,72 +223,6 @@ impl InverseDynamics {
         }
     }
 
-    /// Solves the posed problem.
-    ///
-    /// # Errors
-    /// [`InverseDynamicsError`]: nothing satisfies all constraints and nothing may be relaxed, or the solver reached its limit.
-    pub fn solve(&mut self) -> Result<&InverseDynamicsSolution, InverseDynamicsError> {
-        (self.solution.slack, self.solution.undecided) = (None, 0);
-        match self.solve_returning()? {
-            Ok(()) => {
-                let mut active = 0;
-                self.visit_active(&mut |_| active += 1);
-                self.solution.active = active;
-                self.solve_below()?;
-                if let Some(reduced) = &mut self.reduced {
-                    let distributed = reduced.distribute(&self.order, &self.problem, &mut self.x);
-                    distributed.map_err(InverseDynamicsError::Solve)?;
-                }
-            }
-            Err(error) => {
-                let conflict = match &error {
-                    SolveError::Infeasible { conflict } => match &self.reduced {
-                        Some(reduced) => self.order.conflicting(&reduced.conflict(&self.order, conflict)),
-                        None => self.order.conflicting(conflict),
-                    },
-                    _ => Conflicting::default(),
-                };
-                let Some(relaxed) = &mut self.relaxed else {
-                    return Err(match error {
-                        SolveError::Infeasible { .. } => InverseDynamicsError::Infeasible(conflict),
-                        error => InverseDynamicsError::Solve(error),
-                    });
-                };
-                let (found, slack) = relaxed.solve(&self.order, &self.problem, conflict)?;
-                self.x.copy_from(&found.x.rows(0, self.order.variables()));
-                self.solution.iterations = found.iterations;
-                self.solution.active = active(found);
-                self.solution.slack = Some(slack);
-            }
-        }
-        self.write();
-        Ok(&self.solution)
-    }
-
-    /// Moves the solution of the first level by what the levels below decide.
-    fn solve_below(&mut self) -> Result<(), InverseDynamicsError> {
-        let Some(Below { first, levels, solvers, freedom }) = &mut self.below else { return Ok(()) };
-        match &self.reduced {
-            Some(reduced) => freedom.open_to(reduced.map()),
-            None => freedom.open(),
-        }
-        let mut above = &*first;
-        for (level, solver) in levels.iter_mut().zip(solvers) {
-            freedom.close(above);
-            match solver.solve(level, freedom, &self.problem, &self.contacts, self.x.as_mut_slice()) {
-                Ok(()) => {}
-                Err(IkError::Pose(error)) => return Err(InverseDynamicsError::Pose(error)),
-                // what is decided above is a solution, too
-                Err(IkError::Solve(_)) => {
-                    solver.reset();
-                    self.solution.undecided += 1;
-                }
-            }
-            above = &level.rows;
-        }
-        Ok(())
-    }
-
     /// Accelerations, forces and torques of `x`.
     pub(super) fn write(&mut self) {
         let Self { order, x, solution, problem, bias, torque_limit, .. } = self;
@@ -380,9 +311,4 @@ impl InverseDynamics {
 /// True if the first level has cones of friction: accelerations alone have no forces.
 fn has_cones(settings: &InverseDynamicsSettings) -> bool {
     settings.friction_model == FrictionModel::Cone && settings.unknowns != Unknowns::Accelerations
-}
-
-/// Number of inequalities with a force on the solution.
-fn active(solution: &Solution) -> usize {
-    solution.row_dual.iter().chain(solution.bound_dual.iter()).filter(|dual| **dual != 0.0).count()
 }

@@ -228,15 +228,18 @@ impl InverseDynamics {
             None => &self.problem,
         };
         self.solver.update(posed, &self.contacts)?;
-        let found = match self.solver.solve() {
-            Ok(found) => found,
-            Err(error) => return Ok(Err(error)),
-        };
+        let most = self.settings.max_iterations / if self.relaxed.is_some() { 2 } else { 1 };
+        self.solver.set_max_iterations(most.saturating_sub(self.solution.iterations));
+        let solved = self.solver.solve().map(|_| ());
+        self.solution.iterations += self.solver.iterations();
+        if let Err(error) = solved {
+            return Ok(Err(error));
+        }
+        let found = self.solver.solution();
         match &self.reduced {
             Some(reduced) => reduced.expand(&found.x, &mut self.x),
             None => self.x.copy_from(&found.x),
         }
-        self.solution.iterations = found.iterations;
         Ok(Ok(()))
     }
 

@@ -81,6 +81,7 @@ mod names;
 mod outcome;
 mod reduced;
 mod relaxed;
+mod solve;
 mod solver;
 pub mod tasks;
 mod wrench_cone;

@@ -38,6 +38,9 @@ pub struct InverseDynamicsSettings {
     /// acceleration beyond them \[1/(m/s2) or 1/(rad/s2)\]. Equations of motion, torque limits and friction are never relaxed:
     /// they are what physics and drives can do, and always leave a solution. `None`: such a tick has no solution. Default 100.
     pub relaxation: Option<f64>,
+    /// Largest number of iterations of all solvers in a tick together, the bound of its time. With a relaxation half of them are left to it;
+    /// what is left after the first level is for the levels below. Default 500.
+    pub max_iterations: u32,
 }
 
 impl Default for InverseDynamicsSettings {
@@ -54,6 +57,7 @@ impl Default for InverseDynamicsSettings {
             barrier_rate: 100.0,
             torque_fraction: 1.0,
             relaxation: Some(100.0),
+            max_iterations: 500,
         }
     }
 }
@@ -141,7 +145,8 @@ pub struct InverseDynamicsSolution {
     pub forces: DVector<f64>,
     /// Limits that were relaxed, if any had to be.
     pub slack: Option<Slack>,
-    /// Iterations of the solver in the first level.
+    /// Iterations of all solvers in the tick, whatever it took: those of the first level, each time that it was solved, relaxed or not, and
+    /// those of the levels below it.
     pub iterations: u32,
     /// Levels below the first that were left undecided, for their solver reached its limit: they move nothing.
     pub undecided: u32,

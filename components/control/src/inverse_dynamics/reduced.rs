@@ -144,7 +144,12 @@ impl Reduced {
         x.gemv(1.0, &self.map, found, 1.0);
     }
 
-    /// Forces for the accelerations of `x`, where they are no unknowns.
+    /// Iterations for the forces of the last tick, where they are no unknowns.
+    pub(super) fn iterations(&self) -> u32 {
+        self.forces.as_ref().map_or(0, |forces| forces.solver.iterations())
+    }
+
+    /// Forces for the accelerations of `x`, where they are no unknowns, within `most` iterations.
     ///
     /// # Errors
     /// The solver reached its limit.
@@ -153,9 +158,13 @@ impl Reduced {
         order: &Order,
         posed: &Problem,
         x: &mut DVector<f64>,
+        most: u32,
     ) -> Result<(), SolveError> {
         match &mut self.forces {
-            Some(forces) => forces.solve(order, posed, x),
+            Some(forces) => {
+                forces.solver.set_max_iterations(Some(most));
+                forces.solve(order, posed, x)
+            }
             None => Ok(()),
         }
     }

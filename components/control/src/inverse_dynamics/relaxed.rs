@@ -1,8 +1,10 @@
 //! A tick whose constraints contradict each other: contacts and limits of the joints give way.
 
-use super::names::{Conflicting, Order};
+use super::names::Order;
 use super::outcome::{InverseDynamicsError, Slack};
-use crate::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Solution, Structure};
+use crate::solver::{
+    ActiveSetSettings, ActiveSetSolver, Constraint, Problem, QpSolver, Sides, Solution, Structure,
+};
 
 /// The relaxed problem: contact motion and constrained tasks as a cost, and the limits of the joints and of velocities with a slack `s`
 /// each that costs as much.
@@ -18,6 +20,8 @@ pub(super) struct Relaxed {
     weight: f64,
     problem: Problem,
     solver: ActiveSetSolver,
+    /// True if the tick before was relaxed, too: its own working set is the best to begin with.
+    goes_on: bool,
 }
 
 impl Relaxed {
@@ -43,19 +47,51 @@ impl Relaxed {
             problem.row_matrix[(order.first_limit() + limit, slack)] = 1.0;
             problem.hessian[(slack, slack)] = weight * weight;
         }
-        Self { weight, problem, solver: ActiveSetSolver::new(structure, ActiveSetSettings::default()) }
+        let solver = ActiveSetSolver::new(structure, ActiveSetSettings::default());
+        Self { weight, problem, solver, goes_on: false }
     }
 
-    /// Solves `posed`, relaxed, and says by how much.
+    /// Begins the solution of a tick within `most` iterations. The first of several in a row begins with the constraints that were active when
+    /// the contradiction was found, those of the problem that is not relaxed.
+    pub(super) fn begin(
+        &mut self,
+        order: &Order,
+        active: impl Iterator<Item = (Constraint, f64)>,
+        most: u32,
+    ) {
+        self.solver.set_max_iterations(Some(most));
+        if std::mem::replace(&mut self.goes_on, true) {
+            return;
+        }
+        let here = |constraint| match constraint {
+            Constraint::Bound(variable, side) if variable < order.velocities => {
+                Constraint::Row(order.rows() + variable - order.base, side)
+            }
+            constraint => constraint,
+        };
+        self.solver.begin_with(active.map(|(constraint, multiplier)| (here(constraint), multiplier)));
+    }
+
+    /// Takes note of a tick that was not relaxed.
+    pub(super) fn leave(&mut self) {
+        self.goes_on = false;
+    }
+
+    /// The last solution: accelerations, forces, slacks.
+    pub(super) fn solution(&self) -> &Solution {
+        self.solver.solution()
+    }
+
+    /// Iterations of the last solve.
+    pub(super) fn iterations(&self) -> u32 {
+        self.solver.iterations()
+    }
+
+    /// Solves `posed`, relaxed, and says by how much, without the conflict.
     ///
     /// # Errors
     /// The numbers of the problem are of no use, or the solver reached its limit.
-    pub(super) fn solve(
-        &mut self,
-        order: &Order,
-        posed: &Problem,
-        conflict: Conflicting,
-    ) -> Result<(&Solution, Slack), InverseDynamicsError> {
+    pub(super) fn solve(&mut self, order: &Order, posed: &Problem) -> Result<Slack, InverseDynamicsError> {
         let (variables, rows, joints) = (order.variables(), order.rows(), order.joints);
         let problem = &mut self.problem;
         problem.hessian.view_mut((0, 0), (variables, variables)).copy_from(&posed.hessian);
@@ -101,7 +137,7 @@ impl Relaxed {
         }
         self.solver.update(problem)?;
         let found = self.solver.solve().map_err(InverseDynamicsError::Solve)?;
-        let mut slack = Slack { contact: 0.0, joint: 0.0, limit: 0.0, task: 0.0, conflict };
+        let mut slack = Slack::default();
         let tasks = order.equalities() - order.constrained;
         for row in order.base..order.equalities() {
             let entries = (0..variables).map(|j| posed.equality_matrix[(row, j)] * found.x[j]);
@@ -115,10 +151,11 @@ impl Relaxed {
         for limit in 0..order.limits {
             slack.limit = slack.limit.max(found.x[variables + joints + limit].abs());
         }
-        Ok((found, slack))
+        Ok(slack)
     }
 
     pub(super) fn reset(&mut self) {
         self.solver.reset();
+        self.goes_on = false;
     }
 }

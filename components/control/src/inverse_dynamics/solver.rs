@@ -61,6 +61,38 @@ impl FirstLevel {
         }
     }
 
+    /// The last solution.
+    pub(super) fn solution(&self) -> &Solution {
+        match self {
+            Self::Pyramids(solver) => solver.solution(),
+            Self::Cones(solver) => solver.solution(),
+        }
+    }
+
+    /// Iterations of the last solve, with or without a solution.
+    pub(super) fn iterations(&self) -> u32 {
+        match self {
+            Self::Pyramids(solver) => solver.iterations(),
+            Self::Cones(solver) => solver.iterations(),
+        }
+    }
+
+    /// Bounds the iterations of the next solve. Clarabel has a bound of its own.
+    pub(super) fn set_max_iterations(&mut self, most: u32) {
+        if let Self::Pyramids(solver) = self {
+            solver.set_max_iterations(Some(most));
+        }
+    }
+
+    /// The rows and bounds of the working set with their multipliers, as the last solve left them.
+    pub(super) fn working_set(&self) -> impl Iterator<Item = (Constraint, f64)> {
+        let solver = match self {
+            Self::Pyramids(solver) => Some(solver),
+            Self::Cones(_) => None,
+        };
+        solver.into_iter().flat_map(|solver| solver.working_set())
+    }
+
     pub(super) fn solve(&mut self) -> Result<&Solution, SolveError> {
         match self {
             Self::Pyramids(solver) => solver.solve(),

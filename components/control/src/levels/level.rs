@@ -54,6 +54,8 @@ pub(crate) struct LevelSolver {
     slope: DVector<f64>,
     /// `G v`.
     rows: DVector<f64>,
+    /// Iterations of the last solve.
+    pub(crate) iterations: u32,
 }
 
 impl LevelSolver {
@@ -66,6 +68,7 @@ impl LevelSolver {
             product: DVector::zeros(variables),
             slope: DVector::zeros(variables),
             rows: DVector::zeros(rows),
+            iterations: 0,
         }
     }
 
@@ -81,6 +84,7 @@ impl LevelSolver {
         velocity: &mut [f64],
     ) -> Result<(), IkError> {
         let open = freedom.count();
+        self.iterations = 0;
         if open == 0 {
             return Ok(());
         }
@@ -125,13 +129,21 @@ impl LevelSolver {
             }
         }
         self.solver.update(problem)?;
-        let solution = self.solver.solve()?;
+        let solved = self.solver.solve().map(|_| ());
+        self.iterations = self.solver.iterations();
+        solved?;
+        let solution = self.solver.solution();
         for (direction, z) in basis.column_iter().zip(&solution.x) {
             for (velocity, share) in velocity.iter_mut().zip(&direction) {
                 *velocity += z * share;
             }
         }
         Ok(())
+    }
+
+    /// Bounds the iterations of the next solve.
+    pub(crate) fn set_max_iterations(&mut self, most: u32) {
+        self.solver.set_max_iterations(Some(most));
     }
 
     pub(crate) fn reset(&mut self) {

@@ -52,6 +52,9 @@ pub trait QpSolver: Send {
     /// [`SolveError`] if there is no solution, or none was found.
     fn solve(&mut self) -> Result<&Solution, SolveError>;
 
+    /// Iterations of the last solve, whether it found a solution or not.
+    fn iterations(&self) -> u32;
+
     /// Forgets the solution of the previous tick: the next solve computes, to the last bit, what a new solver would.
     fn reset(&mut self);
 }

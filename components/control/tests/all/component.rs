@@ -27,6 +27,15 @@ fn the_hand_comes_to_its_goals_within_limits() {
 }
 
 #[test]
+fn a_list_without_a_task_is_refused_and_not_taken_for_the_default() {
+    let error = graph("{}", Targets::default(), controller("{ tasks = [] }"));
+    let error = error.check().expect_err("it must be refused").render(false);
+    for word in ["tasks", "an empty list", "posture = {}", "leave `tasks` out"] {
+        assert!(error.contains(word), "no `{word}` in\n{error}");
+    }
+}
+
+#[test]
 fn a_step_allocates_nothing() {
     let report = run(graph("{}", Targets::default(), controller("{}")));
     let controller = report.components.iter().find(|component| component.name == "controller").unwrap();

@@ -308,3 +308,55 @@ fn levels_allocate_nothing() {
     });
     assert_eq!(allocations, 0);
 }
+
+/// A task whose cost curves downwards: no solver has an answer for it.
+struct Saddle;
+
+impl Task for Saddle {
+    fn rows(&self) -> usize {
+        1
+    }
+
+    fn update(&mut self, _: &RobotState<'_>) {}
+
+    fn residual(&self, _: &[f64]) -> f64 {
+        0.0
+    }
+
+    fn add_to(&self, problem: &mut Problem) {
+        problem.hessian[(0, 0)] -= 1.0;
+    }
+
+    fn write_rows(&self, rows: &mut Rows) {
+        rows.push(0.0)[0] = 1.0;
+    }
+}
+
+#[test]
+fn a_level_without_a_solution_moves_nothing_and_leaves_the_answer_of_those_above_as_it_is() {
+    let (model, home) = panda();
+    let mut kinematics = Kinematics::new(&model);
+    kinematics.update(&model, home.as_slice());
+    let state = RobotState { model: &model, kinematics: &kinematics, q: home.as_slice() };
+    let mut ik = DifferentialIk::new(&model).levels(&[6, 1, model.nv()]);
+    let mut velocity = |with_saddle: bool| {
+        let mut hand = hand(&model, &state, Vector3::new(0.05, -0.02, 0.01));
+        let mut posture = PostureTask::new(&model, &vec![0.1; model.nv()]);
+        ik.begin();
+        ik.add_task(&state, 0, &mut hand);
+        if with_saddle {
+            ik.add_task(&state, 1, &mut Saddle);
+        } else {
+            ik.add_task(&state, 2, &mut posture);
+        }
+        let velocity = DVector::from_column_slice(ik.solve().expect("the hand has an answer"));
+        let jacobian = DMatrix::from_fn(6, model.nv(), |i, j| hand.jacobian()[(i, j)]);
+        (jacobian * velocity, ik.undecided())
+    };
+    let (whole, undecided) = velocity(false);
+    assert!(whole.norm() > 0.1 && undecided == 0, "{whole} {undecided}");
+    let (above, undecided) = velocity(true);
+    assert!((above - &whole).norm() < 1e-6, "the hand moves as before");
+    assert_eq!(undecided, 1);
+    assert_eq!(velocity(false).1, 0, "the next tick is whole again");
+}

@@ -125,6 +125,39 @@ fn an_arm_keeps_its_distance_from_where_a_ball_is_and_not_from_where_it_was() {
 }
 
 #[test]
+fn a_pose_that_is_none_is_refused_by_name_and_the_last_good_one_is_kept() {
+    let ended = |level: &str, orientation_w: f64| {
+        let objects = Source::new("objects", "world/objects", move |tick| {
+            let (at, is_good) = (middle(), tick.time() < 0.2);
+            let mut poses = ObjectPoses::default();
+            poses.set_count(1);
+            // after a fifth of a second it claims to be far away, by poses that are none
+            poses.position_x_mut()[0] = at.x;
+            poses.position_y_mut()[0] = if is_good { at.y } else { at.y + 2.0 };
+            poses.position_z_mut()[0] = at.z;
+            poses.orientation_w_mut()[0] = if is_good { 1.0 } else { orientation_w };
+            Some(poses)
+        });
+        let far = middle() + Vector3::new(0.0, 2.0, 0.0);
+        let config = format!("{{ {level} {}, {LIMIT} }}", world(far, ", mass = 1.0"));
+        let targets = Targets { offsets: vec![INTO], ..Targets::default() };
+        let controller = controller(&config).subscribe("object_poses", "world/objects");
+        let report = checked(run(graph("{}", targets, controller).with(objects)));
+        (distance(&report), report.results["controller"]["object_poses_refused"].clone())
+    };
+    // numbers that are not finite no output publishes
+    for (level, w) in [("", 0.0), ("", 3.0), ("inverse_dynamics = {},", 0.0)] {
+        let (kept, refused) = ended(level, w);
+        assert!((0.028..0.05).contains(&kept), "{level} {w}: {kept}");
+        assert!(number(&refused["count"]) > 100.0, "{refused}");
+        let first = refused["first"].as_str().unwrap();
+        assert!(first.contains("`ball`") && first.contains("unit quaternion"), "{first}");
+    }
+    let (_, refused) = ended("", 1.0);
+    assert_eq!((refused["count"].as_u64(), refused["first"].as_str()), (Some(0), None));
+}
+
+#[test]
 fn the_ground_of_the_world_is_kept_away_from() {
     let down = || Targets { offsets: vec![[0.0, 0.0, -0.25]], ..Targets::default() };
     let with = |collision: &str| {

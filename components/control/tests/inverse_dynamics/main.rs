@@ -14,6 +14,7 @@ mod limits;
 mod points;
 mod robots;
 mod second_order;
+mod steps;
 mod tasks;
 mod unknowns;
 mod velocity;

@@ -2,7 +2,7 @@
 
 use motorium::prelude::*;
 use motorium_robots::{FrameId, Twist};
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -10,6 +10,7 @@ use super::feedback;
 use super::{
     Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace, WEIGHTS,
 };
+use crate::component::checks::pose_of;
 use crate::inverse_dynamics::tasks::{AccelerationTask, CartesianAcceleration, CartesianWeights};
 use crate::tasks::{CartesianSettings, CartesianTask, Task};
 use crate::{Admittance, AdmittanceSettings, RobotState};
@@ -248,16 +249,15 @@ impl HeldTask for HeldAdmittance {
 
     fn prepare(&mut self, bounds: &TaskBounds) {
         if let Some(reading) = self.target.latest() {
-            let [x, y, z, w] = reading.orientation;
-            // a target whose orientation is no unit quaternion is not taken
-            if let Some(rotation) = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5) {
+            // a target that is no pose is not taken
+            if let Some(goal) = pose_of(reading.position, reading.orientation) {
                 let fresh = reading.age_ns() <= bounds.target_timeout_ns;
                 let moving = Twist {
                     linear: Vector3::from(reading.linear_velocity),
                     angular: Vector3::from(reading.angular_velocity),
                 };
                 self.goal_velocity = if fresh { moving } else { Twist::zero() };
-                self.goal = Isometry3::from_parts(Translation3::from(reading.position), rotation);
+                self.goal = goal;
                 self.targeted = true;
             }
         }

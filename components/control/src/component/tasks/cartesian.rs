@@ -2,7 +2,7 @@
 
 use motorium::prelude::*;
 use motorium_robots::Twist;
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -12,6 +12,7 @@ use super::{
     AxesConfig, Fades, GAINS, HeldTask, Ramped, TaskBounds, TaskHead, TaskKind, TaskParameter, TaskPlace,
     WEIGHTS,
 };
+use crate::component::checks::pose_of;
 use crate::inverse_dynamics::tasks::{
     AccelerationTask, CartesianAcceleration, CartesianImpedance, CartesianWeights,
 };
@@ -216,7 +217,7 @@ struct Cartesian {
     goals: GoalRecord,
     /// The newest target with a usable orientation.
     current: Option<PoseTarget>,
-    /// Targets whose orientation is no unit quaternion.
+    /// Targets that are no pose: an orientation that is no unit quaternion, a number that is not finite.
     refused: u64,
 }
 
@@ -281,9 +282,9 @@ impl HeldTask for Cartesian {
     fn prepare(&mut self, bounds: &TaskBounds) {
         let Some(reading) = self.input.latest() else { return };
         let (target, fresh) = (*reading, reading.age_ns() <= bounds.target_timeout_ns);
-        let [x, y, z, w] = target.orientation;
-        // half the length of a unit quaternion is no rounding error: such a target is refused
-        let Some(rotation) = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5) else {
+        let moves = target.linear_velocity.iter().chain(&target.angular_velocity);
+        let finite = moves.copied().all(f64::is_finite);
+        let Some(pose) = pose_of(target.position, target.orientation).filter(|_| finite) else {
             self.refused += 1;
             return;
         };
@@ -291,7 +292,6 @@ impl HeldTask for Cartesian {
             linear: Vector3::from(target.linear_velocity),
             angular: Vector3::from(target.angular_velocity),
         };
-        let pose = Isometry3::from_parts(Translation3::from(target.position), rotation);
         let velocity = if fresh { velocity } else { Twist::zero() };
         self.task.set_moving_target(pose, velocity);
         if let Some(twin) = &mut self.acceleration {

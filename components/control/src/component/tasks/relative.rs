@@ -2,7 +2,7 @@
 
 use motorium::prelude::*;
 use motorium_robots::FrameId;
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::Isometry3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -12,6 +12,7 @@ use super::{
     WEIGHTS, feedback,
 };
 use crate::RobotState;
+use crate::component::checks::pose_of;
 use crate::inverse_dynamics::tasks::{AccelerationTask, RelativeAcceleration};
 use crate::tasks::{RelativeSettings, RelativeTask, Task};
 
@@ -132,7 +133,7 @@ struct Relative {
     parameters: [Ramped; 3],
     /// The newest target with a usable orientation.
     target: Option<Isometry3<f64>>,
-    /// Targets whose orientation is no unit quaternion.
+    /// Targets that are no pose: an orientation that is no unit quaternion, a number that is not finite.
     refused: u64,
     /// Weights as configured.
     weights: (f64, f64),
@@ -188,13 +189,10 @@ impl HeldTask for Relative {
 
     fn prepare(&mut self, _: &TaskBounds) {
         let Some(target) = self.input.latest() else { return };
-        let [x, y, z, w] = target.orientation;
-        // half the length of a unit quaternion is no rounding error: such a target is refused
-        let Some(rotation) = UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5) else {
+        let Some(target) = pose_of(target.position, target.orientation) else {
             self.refused += 1;
             return;
         };
-        let target = Isometry3::from_parts(Translation3::from(target.position), rotation);
         self.set_target(target);
         self.target = Some(target);
     }

@@ -53,6 +53,9 @@ pub struct InverseDynamicsConfig {
     pub stiff_start: TimeSpan,
     /// Form of the friction of all contacts. Default "pyramid".
     pub friction_model: FrictionModel,
+    /// Largest number of iterations of all solvers in a step together, the bound of its time, 10 to 100000. A step that needs more has no
+    /// solution, and its joints are held. Default 500.
+    pub max_iterations: u32,
     /// Course of action where nothing satisfies all constraints. Default "relax".
     pub on_infeasible: InfeasiblePolicy,
 }
@@ -74,6 +77,7 @@ impl Default for InverseDynamicsConfig {
             impedance: None,
             stiff_start: TimeSpan { ns: 600_000_000 },
             friction_model: FrictionModel::Pyramid,
+            max_iterations: settings.max_iterations,
             on_infeasible: InfeasiblePolicy::Relax,
         }
     }
@@ -258,6 +262,7 @@ impl InverseDynamicsConfig {
         self.refuse_unused_keys()?;
         in_range(&key("impedance"), self.impedance(), 0.0..=1.0)?;
         let braking = in_range(&key("braking"), self.braking, 1e-3..=1e6)?;
+        in_range(&key("max_iterations"), f64::from(self.max_iterations), 10.0..=1e5)?;
         Ok(InverseDynamicsSettings {
             gravity: config.gravity.into(),
             damping: config.damping,
@@ -271,6 +276,7 @@ impl InverseDynamicsConfig {
             },
             friction_model: self.friction_model,
             unknowns: self.unknowns,
+            max_iterations: self.max_iterations,
             joint_damping: in_range(&key("joint_damping"), self.joint_damping, 0.0..=1.0)?,
             torque_fraction: in_range(&key("torque_fraction"), self.torque_fraction, 1e-6..=1.0)?,
             barrier_rate: in_range(&key("barrier_rate"), self.barrier_rate, 1e-3..=1e6)?,

@@ -273,6 +273,7 @@ impl TorqueController {
         let mut result = results(&self.tasks);
         self.limits.add_to(&mut result);
         self.contacts.add_to(&mut result);
+        self.objects.add_to(&mut result);
         self.diagnostics.add_to(&mut result, &self.control, &self.tasks, |conflict, contacts| {
             self.rows.describe_torques(conflict, &self.measured.model, contacts)
         });

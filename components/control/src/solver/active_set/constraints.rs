@@ -2,8 +2,7 @@
 
 use super::iterate::Run;
 use super::kernels::Arithmetic;
-use super::working_set::NO_RATE;
-use crate::solver::{Accuracy, Conflict, Constraint, Side, SolveError};
+use crate::solver::{Accuracy, Constraint, Side};
 
 /// Share of the terms of a sum that is rounding.
 const ROUNDING: f64 = 1e-14;
@@ -15,6 +14,18 @@ pub(super) struct Violated {
     pub(super) value: f64,
     /// Distance of `x` beyond the value.
     pub(super) excess: f64,
+}
+
+/// The constraint of a number, of a problem with `m` equalities and `p` rows, at the side of a sign.
+pub(super) fn name(m: usize, p: usize, constraint: usize, sign: f64) -> Constraint {
+    let side = if sign > 0.0 { Side::Upper } else { Side::Lower };
+    if constraint < m {
+        Constraint::Equality(constraint)
+    } else if constraint < m + p {
+        Constraint::Row(constraint - m, side)
+    } else {
+        Constraint::Bound(constraint - m - p, side)
+    }
 }
 
 impl Run<'_> {
@@ -91,46 +102,6 @@ impl Run<'_> {
         } else {
             normal.fill(0.0);
             normal[constraint - m - p] = 1.0;
-        }
-    }
-
-    pub(super) fn name(&self, constraint: usize, sign: f64) -> Constraint {
-        let (m, p) = (self.equalities(), self.problem.row_lower.len());
-        let side = if sign > 0.0 { Side::Upper } else { Side::Lower };
-        if constraint < m {
-            Constraint::Equality(constraint)
-        } else if constraint < m + p {
-            Constraint::Row(constraint - m, side)
-        } else {
-            Constraint::Bound(constraint - m - p, side)
-        }
-    }
-
-    /// The conflict between a constraint and the members that it depends on.
-    #[inline(always)]
-    pub(super) fn infeasible(&self, constraint: usize, sign: f64) -> SolveError {
-        let working = &self.work.working;
-        let mut strongest = [(0.0, constraint, sign); Conflict::CAPACITY - 1];
-        let mut found = 0;
-        for (member, r) in working.members.iter().zip(&working.projection) {
-            let weight = r.abs();
-            if weight <= NO_RATE {
-                continue;
-            }
-            let mut place = found.min(strongest.len());
-            while place > 0 && strongest[place - 1].0 < weight {
-                place -= 1;
-            }
-            if place < strongest.len() {
-                strongest[place..].rotate_right(1);
-                strongest[place] = (weight, member.constraint, member.sign);
-                found = (found + 1).min(strongest.len());
-            }
-        }
-        let name = |constraint, sign| self.name(constraint, sign);
-        let others = strongest[..found].iter().map(|(_, constraint, sign)| name(*constraint, *sign));
-        SolveError::Infeasible {
-            conflict: Conflict::new(std::iter::once(name(constraint, sign)).chain(others)),
         }
     }
 

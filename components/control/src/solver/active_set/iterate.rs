@@ -7,7 +7,7 @@ use super::kernels::{Arithmetic, Fused, Separate, largest};
 use super::rounds::Next;
 use super::working_set::{Member, NO_RATE};
 use super::{ActiveSetSettings, Work};
-use crate::solver::{Accuracy, Problem, ROUNDING, Solution, SolveError};
+use crate::solver::{Accuracy, Problem, Solution, SolveError};
 
 /// Smallest share of a diagonal entry that is left of it in the factorisation of a positive definite Hessian.
 const SINGULAR: f64 = 1e-12;
@@ -42,7 +42,11 @@ impl Run<'_> {
     /// before costs something.
     #[inline(always)]
     fn solve<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
-        self.work.iterations = 0;
+        let (most, all) =
+            (self.settings.max_iterations, self.work.is_member.len() + self.problem.gradient.len());
+        // without a limit of its own half of them is left for a second attempt
+        (self.work.iterations, self.work.limit) = (0, most.unwrap_or(5 * all as u32 + 25));
+        (self.work.is_certain, self.work.first_size, self.work.bounces) = (false, 0.0, 0);
         (self.work.tied, self.work.joined) = (false, None);
         (self.work.newest, self.work.bounced) = (None, None);
         self.work.shift = 0.0;
@@ -82,7 +86,7 @@ impl Run<'_> {
 
     /// Factorises the Hessian with the shift; the variable at which it is singular.
     #[inline(always)]
-    fn factorize<F: Arithmetic>(&mut self) -> Option<usize> {
+    pub(super) fn factorize<F: Arithmetic>(&mut self) -> Option<usize> {
         let n = self.problem.gradient.len();
         let hessian = self.problem.hessian.as_slice();
         let lower = &mut self.work.hessian;
@@ -93,25 +97,6 @@ impl Run<'_> {
             lower.set_diagonal(i, column[i] + self.work.shift);
         }
         Some(lower.factorize::<F>(n, SINGULAR)).filter(|rows| *rows < n)
-    }
-
-    /// Shifts a singular Hessian.
-    ///
-    /// # Errors
-    /// It curves downwards, by more than rounding: with [`ROUNDING`] of its largest entry on its diagonal it is no factor's square.
-    #[inline(never)]
-    fn shift_singular<F: Arithmetic>(&mut self, variable: usize) -> Result<(), SolveError> {
-        let before = self.work.shift;
-        if before == 0.0 {
-            let largest = self.largest_curvature();
-            self.work.shift = ROUNDING * if largest > 0.0 { largest } else { 1.0 };
-            if let Some(variable) = self.factorize::<F>() {
-                return Err(SolveError::NotConvex { variable });
-            }
-        }
-        self.shift();
-        // the same once more: no round would change it
-        if self.work.shift <= before { Err(SolveError::NotConvex { variable }) } else { Ok(()) }
     }
 
     /// `g = L^-1 q`, and the working set of the solve before, or the equalities alone.
@@ -225,7 +210,7 @@ impl Run<'_> {
                 continue;
             }
             if work.working.contradicts(1.0, value) || work.working.contradicts(-1.0, value) {
-                return Err(self.infeasible(constraint, 1.0));
+                return Err(self.infeasible::<F>(constraint, 0.0, value));
             }
             return Ok(());
         }
@@ -236,13 +221,15 @@ impl Run<'_> {
     fn iterate<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
         let n = self.problem.gradient.len();
         let all = self.work.is_member.len() + n;
-        let limit = self.settings.max_iterations.unwrap_or(10 * all as u32 + 50);
         // From here on ties are broken by number: no working set comes again for ever.
         let careful = self.work.iterations + 3 * all as u32;
         loop {
             let iterations = self.work.iterations;
-            let at_limit = iterations >= limit;
+            let at_limit = iterations >= self.work.limit;
             let by_number = self.work.iterations >= careful;
+            if self.has_broken_down() {
+                return Err(SolveError::Numerical { iterations });
+            }
             self.work.working.solve::<F>();
             // Once ties are broken by number, nothing is decided on numbers that are not refined.
             if !by_number && self.drop_wrong::<F>(by_number) {
@@ -255,6 +242,9 @@ impl Run<'_> {
             let work = &mut *self.work;
             work.working.scaled_minimum::<F>(&work.g, &mut work.x);
             work.hessian.solve_transposed::<F>(&mut work.x);
+            if self.work.first_size == 0.0 {
+                self.work.first_size = 1.0 + largest(&self.work.x);
+            }
             let mut violated = None;
             if !by_number {
                 self.work.working.keep_multipliers();
@@ -322,6 +312,7 @@ impl Run<'_> {
             return true;
         }
         self.work.bounced = at_once.then_some(constraint);
+        self.work.bounces += u32::from(at_once && step == 0.0);
         self.work.newest = None;
         for (member, solved) in working.members.iter_mut().zip(&working.solved) {
             member.multiplier += step * (solved - member.multiplier);
@@ -345,7 +336,7 @@ impl Run<'_> {
         let mut multiplier = 0.0;
         loop {
             let work = &mut *self.work;
-            if work.working.examine::<F>(&work.hessian) {
+            if work.working.examine::<F>(&work.hessian) && !self.is_out_of_reach::<F>(violated.excess) {
                 let Violated { constraint, value, .. } = *violated;
                 let sign = if self.is_fixed(constraint) { 0.0 } else { violated.sign };
                 let work = &mut *self.work;
@@ -356,6 +347,7 @@ impl Run<'_> {
                 work.joined = (violated.excess <= TIE * (1.0 + value.abs())).then_some(constraint);
                 return Ok(());
             }
+            let work = &mut *self.work;
             // a = N r: what the members say of it decides, not the x computed from them.
             if !work.working.contradicts(violated.sign, violated.value) {
                 work.implied.push(violated.constraint);
@@ -377,12 +369,15 @@ impl Run<'_> {
                     (step, which) = (length, Some(i));
                 }
             }
-            let Some(which) = which else { return Err(self.infeasible(violated.constraint, violated.sign)) };
+            let Some(which) = which else {
+                return Err(self.infeasible::<F>(violated.constraint, violated.sign, violated.value));
+            };
             for (member, r) in working.members.iter_mut().zip(&working.projection) {
                 member.multiplier -= violated.sign * step * r;
             }
             multiplier += violated.sign * step;
             self.remove::<F>(which);
+            self.work.iterations += 1;
         }
     }
 

@@ -26,6 +26,7 @@
 //! Daniel, Gragg, Kaufman and Stewart, *Reorthogonalization and stable algorithms for updating the Gram-Schmidt QR
 //! factorization*, 1976.
 
+mod certificate;
 mod constraints;
 mod iterate;
 mod kernels;
@@ -33,7 +34,7 @@ mod refine;
 mod rounds;
 mod working_set;
 
-use super::{Problem, QpSolver, Solution, SolveError, Structure, UpdateError};
+use super::{Constraint, Problem, QpSolver, Side, Solution, SolveError, Structure, UpdateError};
 use kernels::{Lower, padded};
 use working_set::{Member, WorkingSet};
 
@@ -42,8 +43,9 @@ use working_set::{Member, WorkingSet};
 pub struct ActiveSetSettings {
     /// Largest violation of a row or a bound, in its own unit; relative for bounds above one. Default 1e-10.
     pub feasibility: f64,
-    /// Largest number of changes of the working set in one solve, the bound of its time. Default: `None`, ten times the
-    /// number of constraints and variables, and 50.
+    /// Largest number of iterations of one solve, the bound of its time: of changes of the working set, and of factorisations of the
+    /// problem and its working set after the first. All that a solve tries counts. Default: `None`, ten times the number of constraints
+    /// and variables, and 50.
     pub max_iterations: Option<u32>,
     /// Warm start: a solve begins with the working set of the one before. Default true.
     pub warm_start: bool,
@@ -120,6 +122,14 @@ struct Work {
     /// The members of the solve before.
     previous: Vec<Member>,
     iterations: u32,
+    /// Number of iterations at which this attempt ends.
+    limit: u32,
+    /// Number of constraints that were violated, joined, and left at once without a step, so far.
+    bounces: u32,
+    /// One and the largest number of the first minimum of this solve; 0 before it.
+    first_size: f64,
+    /// True if the numbers of the problem prove that it is infeasible.
+    is_certain: bool,
 }
 
 impl ActiveSetSolver {
@@ -149,6 +159,10 @@ impl ActiveSetSolver {
             tied: false,
             previous: Vec::with_capacity(n),
             iterations: 0,
+            limit: 0,
+            bounces: 0,
+            first_size: 0.0,
+            is_certain: false,
         };
         Self {
             problem: Problem::new(&structure),
@@ -166,6 +180,58 @@ impl ActiveSetSolver {
     /// The solution of the last [`solve`](QpSolver::solve) that had one.
     pub fn solution(&self) -> &Solution {
         &self.solution
+    }
+
+    /// Sets the largest number of iterations from the next solve on, see [`ActiveSetSettings::max_iterations`].
+    pub fn set_max_iterations(&mut self, most: Option<u32>) {
+        self.settings.max_iterations = most;
+    }
+
+    /// The rows and bounds of the working set with their multipliers, as the last solve left them, with or without a solution.
+    pub fn working_set(&self) -> impl Iterator<Item = (Constraint, f64)> {
+        let (m, p) = (self.problem.equality_value.len(), self.problem.row_lower.len());
+        self.work.working.members.iter().filter(move |member| member.constraint >= m).map(move |member| {
+            let presses = if member.sign == 0.0 { member.multiplier } else { member.sign };
+            (constraints::name(m, p, member.constraint, presses), member.multiplier)
+        })
+    }
+
+    /// Makes the next solve begin with these rows and bounds and their multipliers, in place of those of the solve before. Which ones they
+    /// are changes the way to the solution and not the solution: those of a similar problem shorten it.
+    ///
+    /// ```
+    /// use motorium_control::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure};
+    ///
+    /// let structure = Structure::new(2).bounds(Sides::Both);
+    /// let mut problem = Problem::new(&structure);
+    /// problem.hessian.fill_with_identity();
+    /// problem.gradient.copy_from_slice(&[-2.0, -3.0]);
+    /// problem.lower.fill(0.0);
+    /// problem.upper.fill(1.0);
+    /// let new = || ActiveSetSolver::new(structure.clone(), ActiveSetSettings::default());
+    /// let (mut one, mut other) = (new(), new());
+    /// one.update(&problem)?;
+    /// assert_eq!(one.solve()?.iterations, 2);
+    /// other.begin_with(one.working_set());
+    /// other.update(&problem)?;
+    /// assert_eq!(other.solve()?.iterations, 0);
+    /// # Ok::<_, Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn begin_with(&mut self, constraints: impl IntoIterator<Item = (Constraint, f64)>) {
+        let (m, p) = (self.structure.equality_count(), self.structure.row_sides().len());
+        let working = &mut self.work.working;
+        working.clear();
+        for (constraint, multiplier) in constraints.into_iter().take(self.structure.variables()) {
+            let (constraint, side) = match constraint {
+                Constraint::Row(row, side) if row < p => (m + row, side),
+                Constraint::Bound(variable, side) if variable < self.structure.variables() => {
+                    (m + p + variable, side)
+                }
+                _ => continue,
+            };
+            let sign = if side == Side::Upper { 1.0 } else { -1.0 };
+            working.members.push(Member { constraint, sign, value: 0.0, multiplier, stays: false });
+        }
     }
 }
 
@@ -190,6 +256,10 @@ impl QpSolver for ActiveSetSolver {
         let run = iterate::Run { problem, settings, work: &mut self.work, solution: &mut self.solution };
         self.instructions.dispatch(run)?;
         Ok(&self.solution)
+    }
+
+    fn iterations(&self) -> u32 {
+        self.work.iterations
     }
 
     fn reset(&mut self) {

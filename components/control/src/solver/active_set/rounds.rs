@@ -1,11 +1,13 @@
 //! Problems whose Hessian is singular, or nearly so, as a sequence of well-conditioned ones.
 
 use super::iterate::Run;
-use super::kernels::largest;
-use crate::solver::{Accuracy, Problem, SolveError};
+use super::kernels::{Arithmetic, largest};
+use crate::solver::{Accuracy, Problem, ROUNDING, SolveError};
 
 /// Ratio of the smallest to the largest entry of the factor up to which an outcome without a solution is not believed.
-const POOR: f64 = 1e-3;
+pub(super) const POOR: f64 = 1e-3;
+/// Number of constraints that joined and left at once up to which the arithmetic holds.
+const BOUNCES: u32 = 8;
 /// First share of the largest diagonal entry that is added to a singular Hessian.
 const FIRST_SHIFT: f64 = 1e-4;
 /// Solves with one shift, the factor of the next one, and solves in all.
@@ -47,10 +49,12 @@ impl Run<'_> {
             let (curvature, slope) = (self.largest_curvature(), self.problem.gradient.amax());
             let poor = self.work.hessian.weakest() <= POOR || curvature <= POOR * POOR * slope;
             let at_limit = matches!(error, SolveError::MaxIterations { .. });
-            if self.work.shift > 0.0 || !poor || at_limit && self.settings.max_iterations.is_some() {
+            let is_last = self.work.shift > 0.0 || at_limit && self.settings.max_iterations.is_some();
+            if is_last || !poor || self.work.is_certain {
                 return Err(error);
             }
-            self.work.iterations = 0;
+            self.work.limit = self.settings.max_iterations.unwrap_or(2 * self.work.limit);
+            self.work.iterations += 1;
             // A poor condition may be the reason: the same problem, solved in well-conditioned steps, decides.
             self.work.working.clear();
             self.shift();
@@ -73,14 +77,41 @@ impl Run<'_> {
         if round >= ROUNDS && force <= LITTLE_FORCE * slope {
             return Ok(Next::Done(Accuracy::Reduced));
         }
-        if round >= ROUNDS {
+        if round >= ROUNDS || self.work.iterations >= self.work.limit {
             return Err(SolveError::MaxIterations { iterations: self.work.iterations });
         }
         let factorize = round % ROUNDS_A_SHIFT == ROUNDS_A_SHIFT - 1;
         if factorize {
             self.work.shift *= LOWER_SHIFT;
         }
+        self.work.iterations += 1;
         Ok(Next::Solve { factorize })
+    }
+
+    /// True if constraints that are violated joined and left at once, again and again: the multiplier of one that is violated has the
+    /// right sign but for rounding. Where the condition of the Hessian is poor a second attempt in well-conditioned steps decides.
+    #[inline(always)]
+    pub(super) fn has_broken_down(&self) -> bool {
+        self.work.bounces > BOUNCES && self.work.shift == 0.0 && self.work.hessian.weakest() <= POOR
+    }
+
+    /// Shifts a singular Hessian.
+    ///
+    /// # Errors
+    /// It curves downwards, by more than rounding: with [`ROUNDING`] of its largest entry on its diagonal it is no factor's square.
+    #[inline(never)]
+    pub(super) fn shift_singular<F: Arithmetic>(&mut self, variable: usize) -> Result<(), SolveError> {
+        let before = self.work.shift;
+        if before == 0.0 {
+            let largest = self.largest_curvature();
+            self.work.shift = ROUNDING * if largest > 0.0 { largest } else { 1.0 };
+            if let Some(variable) = self.factorize::<F>() {
+                return Err(SolveError::NotConvex { variable });
+            }
+        }
+        self.shift();
+        // the same once more: no round would change it
+        if self.work.shift <= before { Err(SolveError::NotConvex { variable }) } else { Ok(()) }
     }
 
     pub(super) fn largest_curvature(&self) -> f64 {

@@ -50,7 +50,10 @@ pub(super) struct WorkingSet {
     candidate: Vec<f64>,
     pub(super) projection: Vec<f64>,
     below: Vec<f64>,
-    left: Vec<f64>,
+    pub(super) left: Vec<f64>,
+    /// Square of the length of what is left, and its share of that of the candidate.
+    pub(super) left_squared: f64,
+    pub(super) left_share: f64,
 }
 
 impl WorkingSet {
@@ -72,6 +75,8 @@ impl WorkingSet {
             projection: row(),
             below: row(),
             left: row(),
+            left_squared: 0.0,
+            left_share: 0.0,
         }
     }
 
@@ -226,7 +231,16 @@ impl WorkingSet {
             }
         }
         let left = dot::<F>(&self.left, &self.left);
+        (self.left_squared, self.left_share) = (left, left / size);
         left > DEPENDENT * DEPENDENT * size && left > 0.0 && count < self.capacity
+    }
+
+    /// An entry of `a - N r`, of what the shares in [`projection`](Self::projection) leave of the normal examined last.
+    #[inline(always)]
+    pub(super) fn left_of_normal<F: Arithmetic>(&self, variable: usize) -> f64 {
+        let width = self.width();
+        let row = &self.normals[variable * self.stride..][..width];
+        self.normal[variable] - dot::<F>(row, &self.projection[..width])
     }
 
     /// True if the members contradict the constraint examined last, their combination: they keep it beyond `value`, above it

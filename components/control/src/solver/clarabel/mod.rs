@@ -237,6 +237,10 @@ impl QpSolver for ClarabelSolver {
         Ok(())
     }
 
+    fn iterations(&self) -> u32 {
+        self.solution.iterations
+    }
+
     // It begins each solve anew.
     fn reset(&mut self) {}
 

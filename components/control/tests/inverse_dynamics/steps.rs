@@ -1,0 +1,128 @@
+//! The work of the ticks in which a humanoid lifts a foot and sets it down again, where it was or where it falls.
+
+use motorium_control::inverse_dynamics::{
+    Contact, InverseDynamics, InverseDynamicsError, InverseDynamicsSettings, MotionState,
+    tasks::{
+        AccelerationTask, CartesianAcceleration, CentreOfMassAcceleration, Feedback, MomentumRate,
+        PostureAcceleration,
+    },
+};
+use motorium_control::solver::SolveError;
+use motorium_robots::{Kinematics, load};
+use nalgebra::Vector3;
+
+const DT: f64 = 0.001;
+
+/// Iterations of each tick of six seconds, and whether it was relaxed: the humanoid leans over its left foot within a second, lifts the right
+/// one from 2.1 s to 3 s, and leans back from 3.5 s on. While it is lifted, the right foot goes up and comes down where it was; if
+/// nothing leads it there, it is set down nearer to the other one, and the humanoid falls.
+fn step(is_led: bool) -> Vec<(u32, bool)> {
+    let loaded = load("humanoid", std::path::Path::new(".")).unwrap();
+    let (model, profile) = (&loaded.model, loaded.profile.unwrap());
+    let feet = profile.feet.iter().map(|(name, foot)| Contact::of_foot(model, name, foot).unwrap());
+    let mut control = InverseDynamics::new(model, feet.collect());
+    let mut q = profile.configuration(model, "standing").unwrap().as_slice().to_vec();
+    let mut v = vec![0.0; model.nv()];
+    let mut kinematics = Kinematics::new(model);
+    kinematics.update(model, &q);
+    let start = kinematics.centre_of_mass(model).position;
+    let frame = |name: &str| model.frame(name).unwrap();
+    let above = kinematics.pose(model, frame("left_sole")).translation.vector;
+    let mut hand = CartesianAcceleration::new(model, frame("left_palm"), Feedback::critical(8.0));
+    let mut goal = kinematics.pose(model, frame("left_palm"));
+    goal.translation.vector += Vector3::new(0.1, 0.0, 0.15);
+    hand.set_target(goal);
+    let mut foot = CartesianAcceleration::new(model, frame("right_sole"), Feedback::critical(20.0));
+    let ground = kinematics.pose(model, frame("right_sole"));
+    let mut posture =
+        PostureAcceleration::new(model, model.joints_of_q(&q), Feedback::critical(4.0)).weight(0.1);
+    let mut centre = CentreOfMassAcceleration::new(model, Feedback::critical(4.0)).weight(10.0);
+    let mut momentum = MomentumRate::angular(model, 5.0).weights(0.0, 0.2);
+    let weight = 9.81 * model.mass();
+    let smooth = |t: f64| {
+        let t = t.clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    };
+    let decide = |tick: i32| {
+        let t = f64::from(tick) * DT;
+        let lean = smooth(t) - smooth(t - 3.5);
+        let load = (1.0 - 10.0 * (t - 2.0)).clamp(0.0, 1.0) + (10.0 * (t - 3.0)).clamp(0.0, 1.0);
+        kinematics.update_with_velocity(model, &q, &v);
+        let state = MotionState { model, kinematics: &kinematics, q: &q, v: &v };
+        centre.set_target(start + lean * Vector3::new(above.x - start.x, above.y - start.y, -0.02));
+        let mut up = ground;
+        up.translation.vector.z += 0.05 * (smooth(4.0 * (t - 2.1)) - smooth(4.0 * (t - 2.7)));
+        foot.set_target(up);
+        control.set_active(1, load > 0.0);
+        control.set_max_force(1, if load < 1.0 { load * 0.5 * weight } else { f64::INFINITY });
+        control.begin(&state, DT);
+        let tasks: [&mut dyn AccelerationTask; 4] = [&mut centre, &mut posture, &mut momentum, &mut hand];
+        for task in tasks {
+            control.add_task(&state, 0, task);
+        }
+        if is_led && load == 0.0 {
+            control.add_task(&state, 0, &mut foot);
+        }
+        let solution = control.solve().expect("each tick has a solution");
+        let a = &solution.acceleration;
+        let step: Vec<f64> = v.iter().zip(a.iter()).map(|(v, a)| (v + 0.5 * a * DT) * DT).collect();
+        let from = q.clone();
+        model.integrate(&from, &step, &mut q);
+        v.iter_mut().zip(a.iter()).for_each(|(v, a)| *v += a * DT);
+        (solution.iterations, solution.slack.is_some())
+    };
+    (0..6000).map(decide).collect()
+}
+
+#[test]
+fn a_humanoid_that_sets_its_foot_down_where_it_was_needs_few_iterations_and_no_slack() {
+    let ticks = step(true);
+    let most = ticks.iter().map(|(iterations, _)| *iterations).max().unwrap();
+    let relaxed = ticks.iter().filter(|(_, relaxed)| *relaxed).count();
+    println!("at most {most} iterations, {relaxed} ticks relaxed");
+    assert!(most < 20 && relaxed == 0, "{most} iterations, {relaxed} relaxed");
+}
+
+#[test]
+fn a_humanoid_that_falls_is_told_so_in_each_tick_by_bounded_work() {
+    let ticks = step(false);
+    let mut most: Vec<u32> = ticks.iter().map(|(iterations, _)| *iterations).collect();
+    most.sort_unstable_by(|a, b| b.cmp(a));
+    let relaxed = ticks.iter().filter(|(_, relaxed)| *relaxed).count();
+    println!("{relaxed} ticks relaxed, most iterations {:?}", &most[..20]);
+    // no motion keeps both feet at rest as it falls
+    assert!(relaxed > 300, "{relaxed}");
+    assert!(most[0] < 120, "{:?}", &most[..20]);
+    assert!(most[relaxed / 10] < 50, "{}", most[relaxed / 10]);
+}
+
+#[test]
+fn a_tick_that_may_not_iterate_as_often_as_it_has_to_says_so_and_the_next_ones_go_on() {
+    let loaded = load("humanoid", std::path::Path::new(".")).unwrap();
+    let (model, profile) = (&loaded.model, loaded.profile.unwrap());
+    let feet = profile.feet.iter().map(|(name, foot)| Contact::of_foot(model, name, foot).unwrap());
+    let settings =
+        InverseDynamicsSettings { max_iterations: 5, relaxation: None, ..InverseDynamicsSettings::default() };
+    let mut control = InverseDynamics::with_settings(model, feet.collect(), settings);
+    let q = profile.configuration(model, "standing").unwrap();
+    let (q, v) = (q.as_slice(), vec![0.0; model.nv()]);
+    let mut kinematics = Kinematics::new(model);
+    kinematics.update_with_velocity(model, q, &v);
+    let state = MotionState { model, kinematics: &kinematics, q, v: &v };
+    let mut centre = CentreOfMassAcceleration::new(model, Feedback::critical(10.0)).weight(10.0);
+    let mut target = kinematics.centre_of_mass(model).position;
+    target.y += 0.2;
+    centre.set_target(target);
+    let mut decide = || {
+        control.begin(&state, DT);
+        control.add_task(&state, 0, &mut centre);
+        control.solve().map(|solution| solution.iterations)
+    };
+    let first = decide().unwrap_err();
+    assert_eq!(first, InverseDynamicsError::Solve(SolveError::MaxIterations { iterations: 5 }));
+    let later = (0..50).map(|_| decide()).find(Result::is_ok);
+    assert!(
+        later.is_some_and(|iterations| iterations.unwrap() <= 5),
+        "the working set is kept from tick to tick"
+    );
+}
