@@ -47,8 +47,14 @@ impl Clock {
     /// The current time outside of a worker's steps.
     #[inline]
     pub(crate) fn step_ns(&self) -> u64 {
+        self.step_ns_or(|| self.now_ns())
+    }
+
+    /// As [`step_ns`](Self::step_ns), with the current time of a caller who has read the clock.
+    #[inline]
+    pub(crate) fn step_ns_or(&self, now_ns: impl FnOnce() -> u64) -> u64 {
         match self.time_ns.get() {
-            0 => self.now_ns(),
+            0 => now_ns(),
             time_ns => time_ns,
         }
     }

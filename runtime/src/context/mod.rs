@@ -15,8 +15,8 @@ use std::time::Duration;
 
 use crate::os::{current_core, monotonic_ns};
 use crate::plan::{Activation, OnOverrun, Plan};
-use crate::region::{Command, ComponentBlock, Region, TraceEvent, TraceWriter};
-use crate::state::Stamp;
+use crate::region::{Command, ComponentBlock, Region, TraceEvent, TraceWriter, add};
+use crate::state::{FUTURE_TOLERANCE_NS, Stamp};
 
 pub(crate) use causality::Causality;
 pub(crate) use clock::Clock;
@@ -27,6 +27,15 @@ pub(crate) use signals::Signals;
 
 /// Publications between two look-ups of the core.
 const CORE_LOOK_UP: u32 = 64;
+
+/// The reason why a valid value is not published.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Withheld {
+    /// The step is past its deadline, and its overrun policy is `hold`.
+    Late,
+    /// Its source time lies so many nanoseconds ahead of the clock.
+    InFuture { ahead_ns: u64 },
+}
 
 /// The state that the ports, the setup and the loop of one component share: its identity in the run, its clock, the
 /// times that its step passes on, the work put off to the end of the step, and the signals it received.
@@ -89,11 +98,6 @@ impl Context {
     #[inline]
     pub(crate) fn block(&self) -> &ComponentBlock {
         &self.region.components()[self.index]
-    }
-
-    #[inline]
-    pub(crate) fn index(&self) -> usize {
-        self.index
     }
 
     /// Restarts of the component before this process.
@@ -181,7 +185,7 @@ impl Context {
 
     /// Notes that a sample was read for the first time: its age as of the start of the step, which is recorded when the step
     /// is over, and in the trace. A sample published since then has age 0.
-    #[inline]
+    #[inline(never)]
     pub(crate) fn note_read(&self, edge: usize, stamp: &Stamp) {
         self.deferred.note_age(edge, self.clock.woken_ns().saturating_sub(stamp.publish_time));
         if let Some(trace) = &self.trace {
@@ -214,10 +218,38 @@ impl Context {
         }
     }
 
-    /// True if a sample made at `now_ns` is too late to be published under the overrun policy `hold`.
-    #[inline]
-    pub(crate) fn withholds(&self, now_ns: u64) -> bool {
-        self.hold_late_outputs && now_ns > self.clock.deadline_ns()
+    /// The stamp of a value that is published at `now_ns`, with a source time if its component gives one. One that is withheld
+    /// counts as refused.
+    #[inline(never)]
+    pub(crate) fn stamp(
+        &self,
+        sequence: u64,
+        now_ns: u64,
+        source_ns: Option<u64>,
+    ) -> Result<Stamp, Withheld> {
+        let withhold = |reason| {
+            add(&self.block().refused, 1);
+            Err(reason)
+        };
+        if self.hold_late_outputs && now_ns > self.clock.deadline_ns() {
+            return withhold(Withheld::Late);
+        }
+        let source_time = match source_ns {
+            None => self.causality.source_time_or(now_ns),
+            Some(given) if given > now_ns.saturating_add(FUTURE_TOLERANCE_NS) => {
+                return withhold(Withheld::InFuture { ahead_ns: given - now_ns });
+            }
+            Some(given) => given.min(now_ns),
+        };
+        Ok(Stamp {
+            sequence,
+            source_time,
+            publish_time: now_ns,
+            state_time: self.causality.state_time_or(self.clock.step_ns_or(|| now_ns)),
+            episode: self.episode(),
+            publisher: self.index as u32,
+            restart_count: self.restart_count,
+        })
     }
 
     /// True if actuators must be in their safe state, regardless of the command.

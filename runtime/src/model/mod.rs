@@ -86,6 +86,7 @@ struct Topic {
     head: Head<Modelled>,
     pins: Vec<Pin<Modelled>>,
     marks: Vec<loom::sync::atomic::AtomicU64>,
+    times: Vec<loom::sync::atomic::AtomicU64>,
     values: Vec<loom::cell::UnsafeCell<u64>>,
 }
 
@@ -93,14 +94,10 @@ impl Topic {
     fn new(pins: usize, slots: usize) -> Self {
         use loom::sync::atomic::{AtomicU32, AtomicU64};
         Self {
-            head: Head {
-                newest: AtomicU64::new(0),
-                times: [AtomicU64::new(0), AtomicU64::new(0)],
-                sleepers: AtomicU32::new(0),
-                core: AtomicU32::new(0),
-            },
+            head: Head { newest: AtomicU64::new(0), sleepers: AtomicU32::new(0), core: AtomicU32::new(0) },
             pins: (0..pins).map(|_| Pin { slot: AtomicU32::new(0) }).collect(),
             marks: (0..slots).map(|_| AtomicU64::new(0)).collect(),
+            times: (0..slots).map(|_| AtomicU64::new(0)).collect(),
             values: (0..slots).map(|_| loom::cell::UnsafeCell::new(0)).collect(),
         }
     }
@@ -133,6 +130,10 @@ impl Words<Modelled> for Topic {
 
     fn mark(&self, slot: usize) -> &loom::sync::atomic::AtomicU64 {
         &self.marks[slot]
+    }
+
+    fn time(&self, slot: usize) -> &loom::sync::atomic::AtomicU64 {
+        &self.times[slot]
     }
 }
 

@@ -205,34 +205,31 @@ impl<T: StateBuffer> Input<T> {
     /// Goes on to the next value: of a stream the next in the queue, of a state the newest. False if there is no new one.
     #[inline]
     fn advance(&mut self) -> bool {
-        let begins = self.effects.begins_episode();
-        let stamp = match &mut self.source {
-            Source::Unwired => return false,
-            Source::State(state) => {
-                if begins {
-                    state.begin_episode();
-                }
-                if !state.look() {
-                    return false;
-                }
-                state.current::<T>().map(|(stamp, _)| stamp)
-            }
-            Source::Stream { queue, memory, seen } => {
-                if begins {
-                    queue.begin_episode();
-                }
-                *seen = memory.newest().number();
-                let is_valid = |values: &[T]| values.len() == 1 && values[0].check().is_ok();
-                if !queue.take(self.effects.context(), is_valid) {
-                    return false;
-                }
-                queue.current().map(|(stamp, _)| stamp)
-            }
-        };
-        if let Some(stamp) = stamp {
+        let Source::State(state) = &mut self.source else { return self.advance_in_queue() };
+        if self.effects.begins_episode() {
+            state.begin_episode();
+        }
+        let is_new = state.look();
+        if is_new && let Some((stamp, _)) = state.current::<T>() {
             self.effects.first_read(stamp);
         }
-        true
+        is_new
+    }
+
+    /// As [`advance`](Self::advance), of what is no state; apart from it, so that the instructions of a step lie together.
+    #[inline(never)]
+    fn advance_in_queue(&mut self) -> bool {
+        let Source::Stream { queue, memory, seen } = &mut self.source else { return false };
+        if self.effects.begins_episode() {
+            queue.begin_episode();
+        }
+        *seen = memory.newest().number();
+        let is_valid = |values: &[T]| values.len() == 1 && values[0].check().is_ok();
+        let is_new = queue.take(self.effects.context(), is_valid);
+        if is_new && let Some((stamp, _)) = queue.current() {
+            self.effects.first_read(stamp);
+        }
+        is_new
     }
 
     /// The current value, whose source time goes on to the outputs if this input is their cause.

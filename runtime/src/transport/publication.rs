@@ -7,11 +7,11 @@ use std::sync::atomic::Ordering::Relaxed;
 use super::Participant;
 use super::latest::protocol::Words as _;
 use super::latest::{StateWriter, TopicMemory};
-use crate::context::{Access, AfterStep, Context, Line};
+use crate::context::{Access, AfterStep, Context, Line, Withheld};
 use crate::declare::StepError;
 use crate::plan::{OnMiss, TopicPlan};
 use crate::region::{Command, add};
-use crate::state::{Defect, Digest, FUTURE_TOLERANCE_NS, Stamp};
+use crate::state::{Defect, Digest, Stamp};
 
 /// The place of an output in the graph.
 #[derive(Debug)]
@@ -48,10 +48,8 @@ pub(super) struct TopicWriter {
 pub(super) enum Unpublished<D> {
     /// Its content must not reach a reader.
     Invalid(D),
-    /// The step is past its deadline, and its overrun policy is `hold`.
-    Late,
-    /// Its source time lies so many nanoseconds ahead of the clock.
-    InFuture { ahead_ns: u64 },
+    /// The context withholds it.
+    Withheld(Withheld),
     /// iceoryx2 did not send it.
     NotSent,
 }
@@ -61,8 +59,10 @@ impl Unpublished<Defect> {
     pub(super) fn for_step(self, port: &'static str) -> Result<(), StepError> {
         match self {
             Self::Invalid(defect) => Err(StepError::InvalidOutput { port, defect }),
-            Self::Late => Ok(()),
-            Self::InFuture { ahead_ns } => Err(StepError::SourceInFuture { port, ahead_ns }),
+            Self::Withheld(Withheld::Late) => Ok(()),
+            Self::Withheld(Withheld::InFuture { ahead_ns }) => {
+                Err(StepError::SourceInFuture { port, ahead_ns })
+            }
             Self::NotSent => Err(StepError::Transport { port, reason: "the sample was not sent" }),
         }
     }
@@ -97,52 +97,25 @@ impl TopicWriter {
         // Before the check: reading the clock waits for all loads before it, and those of a check wait until the numbers
         // just filled in have left for the cache.
         let now = context.clock().now_ns();
-        let refuse = |reason| {
-            add(&context.block().refused, 1);
-            Err(reason)
-        };
         checked(context, check(&value))?;
-        if context.withholds(now) {
-            return refuse(Unpublished::Late);
-        }
-        let source_time = match source_ns {
-            None => context.causality().source_time_or(now),
-            Some(given) if given > now.saturating_add(FUTURE_TOLERANCE_NS) => {
-                return refuse(Unpublished::InFuture { ahead_ns: given - now });
-            }
-            Some(given) => given.min(now),
-        };
         let sequence = match &self.after.state {
             Some(state) => state.number(),
             None => self.after.memory.newest().number() + 1,
         };
-        let stamp = Stamp {
-            sequence,
-            source_time,
-            publish_time: now,
-            state_time: context.causality().state_time_or(context.clock().step_ns()),
-            episode: context.episode(),
-            publisher: context.index() as u32,
-            restart_count: context.restart_count(),
-        };
+        let stamp = context.stamp(sequence, now, source_ns).map_err(Unpublished::Withheld)?;
         if context.clock().is_lockstep() {
-            self.digest(context, stamp, |all| digest(&value, all));
+            self.digest(context, &stamp, |all| digest(&value, all));
         }
-        let memory = &self.after.memory;
-        memory.publish_from(context.core());
-        if let Some(state) = &self.after.state {
-            state.publish(stamp);
-        } else if send(value, stamp) {
-            memory.count(now);
-        } else {
+        if self.after.state.is_none() && !send(value, stamp) {
             return Err(Unpublished::NotSent);
         }
-        self.announce(context, stamp);
+        self.announce(context, &stamp);
         Ok(())
     }
 
     /// Takes a value into the digest of everything published on the topic.
-    fn digest(&mut self, context: &Context, stamp: Stamp, value: impl FnOnce(&mut Digest)) {
+    #[cold]
+    fn digest(&mut self, context: &Context, stamp: &Stamp, value: impl FnOnce(&mut Digest)) {
         if stamp.sequence == 1 {
             // The first of an episode.
             self.digest = Digest::default();
@@ -153,26 +126,33 @@ impl TopicWriter {
         context.region().topics()[self.topic].digest.store(self.digest.finish(), Relaxed);
     }
 
-    /// Wakes the waiting components, counts the publication and measures its latency.
-    #[inline(always)]
-    fn announce(&self, context: &Context, stamp: Stamp) {
+    /// Announces the value, wakes the waiting components, counts the publication and measures its latency.
+    #[inline(never)]
+    fn announce(&self, context: &Context, stamp: &Stamp) {
+        let memory = &self.after.memory;
+        memory.publish_from(context.core());
+        match &self.after.state {
+            Some(state) => state.publish(stamp),
+            None => memory.count(stamp.publish_time),
+        }
         self.after.uncounted.set(Some((stamp.sequence, stamp.publish_time)));
         if self.wakes_late {
             // The words of the control block would hold up those who wait: their lines may be elsewhere.
             self.after.owes_wake.set(true);
         } else {
             if !context.clock().is_lockstep() {
-                self.after.memory.notify();
+                memory.notify();
             }
             self.after.finish(context);
         }
         if !self.probes.is_empty() {
-            self.measure(context, &stamp);
+            self.measure(context, stamp);
         }
-        context.note_published(self.topic, &stamp);
+        context.note_published(self.topic, stamp);
     }
 
     /// Measures the latencies that end at the output.
+    #[cold]
     #[inline(never)]
     fn measure(&self, context: &Context, stamp: &Stamp) {
         let region = context.region();

@@ -8,7 +8,7 @@ use super::latest::StateWriter;
 use super::publication::{TopicWriter, Unpublished, checked};
 use super::topic::fits;
 use super::{OutputPlace, Participant, PortError, refused};
-use crate::context::Context;
+use crate::context::{Context, Withheld};
 use crate::declare::TopicPattern;
 use crate::plan::PortPlan;
 use crate::state::{ContentCheck, ContentDefect, TypeLayout};
@@ -123,8 +123,8 @@ impl From<Unpublished<ContentDefect>> for RawError {
     fn from(reason: Unpublished<ContentDefect>) -> Self {
         match reason {
             Unpublished::Invalid(defect) => defect.into(),
-            Unpublished::InFuture { ahead_ns } => Self::SourceInFuture { ahead_ns },
-            Unpublished::Late | Unpublished::NotSent => Self::Late,
+            Unpublished::Withheld(Withheld::InFuture { ahead_ns }) => Self::SourceInFuture { ahead_ns },
+            Unpublished::Withheld(Withheld::Late) | Unpublished::NotSent => Self::Late,
         }
     }
 }

@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::rc::Rc;
 
 use super::latest::TopicMemory;
-use super::latest::protocol::{Newest, Words as _, newest_with_time};
+use super::latest::protocol::{Newest, newest_with_time};
 use crate::os::{Backoff, current_core, monotonic_ns};
 
 /// Time for which a waiter polls the notifier of another core before it sleeps, ns: about the cost of being woken
@@ -63,7 +63,7 @@ impl Trigger {
     /// Number and time (ns on the clock of stamps) of the newest publication.
     #[inline]
     pub(crate) fn newest(&self) -> (u64, u64) {
-        let (newest, time_ns) = newest_with_time(self.memory.head());
+        let (newest, time_ns) = newest_with_time(&*self.memory);
         (newest.number(), time_ns)
     }
 

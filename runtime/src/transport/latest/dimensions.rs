@@ -15,6 +15,8 @@ pub(super) const LINE: usize = 64;
 /// Bytes of the two cache lines that processors fetch together.
 const PAIR: usize = 2 * LINE;
 pub(super) const PAGE: usize = 4096;
+/// Slots of a stream, whose values travel elsewhere: for the times of its two newest publications.
+pub(super) const TIMES: usize = 2;
 /// Bytes of the words before each value: they share a cache line with its beginning.
 const SLOT_WORDS: usize = size_of::<AtomicU64>() + size_of::<Stamp>();
 
@@ -40,13 +42,13 @@ impl Dimensions {
     pub(super) fn of(topic: &TopicPlan) -> Self {
         let pins = topic.readers.len() + SIDE_PINS;
         let value = up_to_multiple(SLOT_WORDS, topic.layout.alignment.max(1));
-        let slots = match topic.pattern {
-            TopicPattern::State => topic.history.saturating_add(pins + 2),
-            TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => 0,
+        let (slots, size) = match topic.pattern {
+            TopicPattern::State => (topic.history.saturating_add(pins + 2), topic.layout.size),
+            TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => (TIMES, 0),
         };
         // Processors fetch lines in pairs, and the ones after: between two slots lies a pair that nobody uses.
-        let stride = up_to_multiple(topic.layout.size.saturating_add(value), PAIR).saturating_add(PAIR);
-        Self { pins, slots, value, stride, size: topic.layout.size }
+        let stride = up_to_multiple(size.saturating_add(value), PAIR).saturating_add(PAIR);
+        Self { pins, slots, value, stride, size }
     }
 
     /// A number that differs where the plans of two processes do.

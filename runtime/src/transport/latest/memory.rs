@@ -29,7 +29,7 @@ type Storage = iceoryx2_cal::shared_memory::recommended::Ipc<BumpAllocator>;
 type Configuration = <Storage as NamedConceptMgmt>::Configuration;
 
 /// First word of a topic's memory; the low digits are the version of its layout.
-const MAGIC: u64 = 0x6d6f_746f_746f_0001;
+const MAGIC: u64 = 0x6d6f_746f_746f_0002;
 /// Bytes of a value from which on the time to fill it outweighs the choice of its slot.
 const LARGE: usize = 16 * 1024;
 
@@ -47,8 +47,13 @@ pub(super) struct Preface {
 #[repr(C, align(64))]
 struct Slot {
     mark: AtomicU64,
-    stamp: Stamp,
+    stamp: [AtomicU64; STAMP_WORDS],
 }
+
+/// Words of a stamp.
+const STAMP_WORDS: usize = size_of::<Stamp>() / size_of::<AtomicU64>();
+/// The place of the time of publication among them.
+const PUBLISH_TIME: usize = core::mem::offset_of!(Stamp, publish_time) / size_of::<AtomicU64>();
 
 /// The mapped memory of a topic: words that any process may use at any time, and slots whose values are used under the
 /// pin protocol alone.
@@ -138,11 +143,29 @@ impl TopicMemory {
         self.slot(slot).cast::<u8>().wrapping_add(self.dimensions.value)
     }
 
-    /// The stamp in a slot, under the same rule as its value.
+    /// The stamp in a slot, to be read under the same rule as its value.
     #[inline]
-    pub(crate) fn stamp(&self, slot: usize) -> *mut Stamp {
+    pub(crate) fn stamp(&self, slot: usize) -> *const Stamp {
+        self.stamp_words(slot).cast()
+    }
+
+    /// The words of the stamp in a slot. Waiters read the time of publication without a right to the slot, so it is written
+    /// word by word.
+    #[inline]
+    fn stamp_words(&self, slot: usize) -> *const [AtomicU64; STAMP_WORDS] {
         // SAFETY: in bounds; no reference is made.
-        unsafe { &raw mut (*self.slot(slot)).stamp }
+        unsafe { &raw const (*self.slot(slot)).stamp }
+    }
+
+    /// Writes the stamp of a claimed slot, but for the time of publication, which the announcement writes.
+    #[inline]
+    pub(crate) fn write_stamp(&self, slot: usize, stamp: &Stamp) {
+        // SAFETY: in bounds and aligned (see `slot`); an atomic is valid for any bytes.
+        let cells = unsafe { &*self.stamp_words(slot) };
+        // SAFETY: a stamp is so many words without padding.
+        let words: [u64; STAMP_WORDS] = unsafe { core::mem::transmute(*stamp) };
+        let all = cells.iter().zip(words).enumerate().filter(|(index, _)| *index != PUBLISH_TIME);
+        all.for_each(|(_, (cell, word))| cell.store(word, Relaxed));
     }
 
     /// Bytes of a value.
@@ -230,8 +253,10 @@ impl TopicMemory {
 
     /// Takes back all publications, for a new episode: while nobody publishes, and nobody but taps reads.
     pub(crate) fn clear(&self) {
-        (0..self.slots()).for_each(|slot| self.mark(slot).store(0, Relaxed));
-        self.head().times.iter().for_each(|time| time.store(0, Relaxed));
+        (0..self.slots()).for_each(|slot| {
+            self.mark(slot).store(0, Relaxed);
+            self.time(slot).store(0, Relaxed);
+        });
         self.head().newest.store(0, Release);
     }
 
@@ -266,6 +291,12 @@ impl Words<Native> for TopicMemory {
     fn mark(&self, slot: usize) -> &AtomicU64 {
         // SAFETY: in bounds and aligned (see `slot`); an atomic is valid for any bytes.
         unsafe { &(*self.slot(slot)).mark }
+    }
+
+    #[inline]
+    fn time(&self, slot: usize) -> &AtomicU64 {
+        // SAFETY: as in `mark`.
+        unsafe { &(*self.slot(slot)).stamp[PUBLISH_TIME] }
     }
 }
 

@@ -56,8 +56,6 @@ impl Newest {
 pub(crate) struct Head<A: Atomics> {
     /// The newest publication ([`Newest`]). Its low half is the futex on which waiters sleep.
     pub(crate) newest: A::U64,
-    /// Times of the two newest publications, by the lowest bit of their number, ns.
-    pub(crate) times: [A::U64; 2],
     /// Number of readers that sleep. One that is killed asleep stays counted: it costs a system call per
     /// publication, no more.
     pub(crate) sleepers: A::U32,
@@ -83,6 +81,8 @@ pub(crate) trait Words<A: Atomics> {
     fn slots(&self) -> usize;
     /// The number of the publication that a slot holds; 0 while it is being filled.
     fn mark(&self, slot: usize) -> &A::U64;
+    /// The time of the publication that a slot holds, ns.
+    fn time(&self, slot: usize) -> &A::U64;
 }
 
 /// The newest publication.
@@ -154,8 +154,7 @@ impl Writer {
     pub(crate) fn publish<A: Atomics>(&mut self, words: &impl Words<A>, time_ns: u64) {
         let slot = self.slot(words);
         self.number += 1;
-        words.mark(slot).store(self.number, A::at(Site::Mark, Release));
-        announce(words.head(), Newest::new(self.number, slot), time_ns);
+        announce(words, Newest::new(self.number, slot), time_ns);
         self.newest = slot;
         self.count -= 1;
     }
@@ -226,24 +225,29 @@ fn is_pinned<A: Atomics>(pins: &[Pin<A>], slot: usize, ordering: std::sync::atom
     pins.iter().fold(false, |pinned, pin| pinned | (pin.slot.load(ordering) == slot as u32 + 1))
 }
 
-/// Announces a publication: its time, then itself.
+/// Announces a publication: its time and its number, in its slot, then itself.
+///
+/// It is the one store to the line that waiters poll: a core that polls takes the line away after each of them, and the next
+/// would have to fetch it back.
 #[inline]
-pub(crate) fn announce<A: Atomics>(head: &Head<A>, newest: Newest, time_ns: u64) {
-    head.times[(newest.number() % 2) as usize].store(time_ns, A::at(Site::Time, Release));
+pub(crate) fn announce<A: Atomics>(words: &impl Words<A>, newest: Newest, time_ns: u64) {
+    words.time(newest.slot()).store(time_ns, A::at(Site::Time, Release));
+    words.mark(newest.slot()).store(newest.number(), A::at(Site::Mark, Release));
     // In one exchange with what an interrupt left there: a reader that sees the publication then sees what the interrupt is
     // about.
-    head.newest.swap(newest.0, A::at(Site::Publish, Release));
+    words.head().newest.swap(newest.0, A::at(Site::Publish, Release));
 }
 
 /// The newest publication with its own time, ns.
 #[inline]
-pub(crate) fn newest_with_time<A: Atomics>(head: &Head<A>) -> (Newest, u64) {
+pub(crate) fn newest_with_time<A: Atomics>(words: &impl Words<A>) -> (Newest, u64) {
     loop {
-        let seen = newest(head);
-        let time_ns = head.times[(seen.number() % 2) as usize].load(Relaxed);
+        let seen = newest(words.head());
+        // A word that names a slot that is not there was damaged.
+        let time_ns = if seen.slot() < words.slots() { words.time(seen.slot()).load(Relaxed) } else { 0 };
         A::read_fence(Site::TimeRead);
-        // The time is written anew for the publication after the next, which comes after the next.
-        if Newest(head.newest.load(Relaxed)).number() == seen.number() {
+        // The slot is filled anew once another one is the newest.
+        if Newest(words.head().newest.load(Relaxed)).number() == seen.number() {
             return (seen, time_ns);
         }
     }

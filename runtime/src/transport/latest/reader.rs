@@ -62,7 +62,7 @@ impl StateReader {
     }
 
     /// Pins the newest value; whether it is another one than before.
-    #[inline]
+    #[inline(never)]
     pub(crate) fn look(&mut self) -> bool {
         let memory = &*self.memory;
         // The value that is still pinned: the next one is as long, as a rule.

@@ -6,7 +6,8 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::TopicMemory;
-use super::protocol::{Newest, Writer, announce};
+use super::dimensions::TIMES;
+use super::protocol::{Newest, Words as _, Writer, announce};
 use crate::atomics::Native;
 use crate::os::prefetch_write;
 use crate::state::{Stamp, StateBuffer};
@@ -39,6 +40,8 @@ impl StateWriter {
     #[allow(clippy::mut_from_ref)]
     pub(crate) unsafe fn value_mut<T: StateBuffer>(&self) -> &mut T {
         debug_assert_eq!(size_of::<T>(), self.memory.value_bytes());
+        // A core that polls has a copy of the line: it is asked to give it up while the value is filled.
+        prefetch_write(core::ptr::from_ref(self.memory.head()).cast(), 1);
         // SAFETY: the slot is claimed, so no reader uses it; nobody else does by the caller's promise. The port was opened
         // for this very layout; every bit pattern is a valid value.
         unsafe { &mut *self.memory.value(self.slot()).cast::<T>() }
@@ -68,12 +71,11 @@ impl StateWriter {
     }
 
     /// Announces the filled slot; [`TopicMemory::notify`] is to follow.
-    #[inline]
-    pub(crate) fn publish(&self, stamp: Stamp) {
+    #[inline(always)]
+    pub(crate) fn publish(&self, stamp: &Stamp) {
         let mut writer = self.writer.borrow_mut();
         let slot = writer.slot(&*self.memory);
-        // SAFETY: the slot is claimed; nobody else uses its stamp.
-        unsafe { self.memory.stamp(slot).write(stamp) };
+        self.memory.write_stamp(slot, stamp);
         writer.publish(&*self.memory, stamp.publish_time);
     }
 
@@ -98,7 +100,7 @@ impl TopicMemory {
     /// Announces a publication of a stream, whose value travels through iceoryx2.
     #[inline]
     pub(crate) fn count(&self, time_ns: u64) {
-        let next = Newest::new(self.newest().number() + 1, 0);
-        announce::<Native>(super::protocol::Words::head(self), next, time_ns);
+        let number = self.newest().number() + 1;
+        announce::<Native>(self, Newest::new(number, number as usize % TIMES), time_ns);
     }
 }
