@@ -351,7 +351,7 @@ fn settings_that_describe_no_sensor_are_refused_with_the_key() {
         ("least = 40.0", "least"),
         ("lost = 1.5", "lost"),
         ("distance = { noise = -1.0 }", "distance.noise"),
-        ("world = { ground = { friction = -1.0 } }", "world"),
+        ("world = { ground = { friction = -1.0 } }", "ground: `friction` is -1"),
         (&format!("world = {{ {BALL} }}"), "object_poses"),
     ] {
         let instance = sensor::<AlongRays<Lidar>>("ranges", config);
