@@ -47,7 +47,7 @@ fn table() -> String {
     arms::bus("left", "vcan0", true) + &arms::bus("right", "vcan1", true) + &drives
 }
 
-/// What moves the arm.
+/// The adapter, the trajectory policy whose commands it sends to the drives, and the safety of their graph.
 const CONTROL: &str = r#"
 [component.adapter]
 kind      = "can.adapter"

@@ -38,8 +38,8 @@ pub(super) fn is_name(name: &str) -> bool {
         && name.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
 }
 
-/// The pose of a message: a position \[m\] and an orientation x, y, z, w. None where a number is not finite, or half or twice the length of
-/// a unit quaternion shows that it is none: that is no rounding error.
+/// The pose of a message: a position \[m\] and an orientation, the quaternion x, y, z, w. `None` where a number is not finite, or the length of
+/// the quaternion is below 0.5 or from 2 up: rounding errors do not take a unit quaternion so far.
 pub(super) fn pose_of(position: [f64; 3], orientation: [f64; 4]) -> Option<Isometry3<f64>> {
     let [x, y, z, w] = orientation;
     let rotation = Quaternion::new(w, x, y, z);

@@ -21,7 +21,8 @@ pub(super) const INPUT: &str = "object_poses";
 /// Time between two looks of the helper thread at what was refused.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// The poses of the objects, for limits that need them. A pose that is none is refused: the object stays where its last good one was.
+/// The poses of the objects, for limits that need them. The controller refuses an invalid pose, one with a number that is not finite or with an
+/// orientation that is no unit quaternion: for the limits the object stays where its last valid pose was.
 pub(super) struct MovingObjects {
     /// `None` where no limit is about an object that moves.
     input: Option<Input<ObjectPoses>>,
@@ -33,7 +34,7 @@ pub(super) struct MovingObjects {
     first: Option<Refused>,
 }
 
-/// A pose that is none.
+/// An invalid pose that was refused, and the object it was of.
 #[derive(Clone, Copy, Debug)]
 struct Refused {
     object: usize,
@@ -57,7 +58,7 @@ impl Refusals {
             let more = count > told[object];
             if more && !is_refused[object] {
                 eprintln!(
-                    "object `{name}`: a pose that is none is refused; the object counts as being where its last good pose was"
+                    "object `{name}`: an invalid pose is refused; the object counts as being where its last valid pose was"
                 );
             }
             if !more && is_refused[object] {

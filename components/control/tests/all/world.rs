@@ -131,7 +131,7 @@ fn a_pose_that_is_none_is_refused_by_name_and_the_last_good_one_is_kept() {
             let (at, is_good) = (middle(), tick.time() < 0.2);
             let mut poses = ObjectPoses::default();
             poses.set_count(1);
-            // after a fifth of a second it claims to be far away, by poses that are none
+            // after a fifth of a second it claims to be far away, by invalid poses
             poses.position_x_mut()[0] = at.x;
             poses.position_y_mut()[0] = if is_good { at.y } else { at.y + 2.0 };
             poses.position_z_mut()[0] = at.z;

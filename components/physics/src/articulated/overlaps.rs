@@ -6,7 +6,7 @@ use crate::BuildWarning;
 /// Links that start closer than this never touch each other \[m\].
 const TOO_CLOSE: f64 = 0.010;
 
-/// What starts deeper than this inside an object is worth a warning \[m\].
+/// Depth inside an object beyond which a warning names the link or object that starts there \[m\].
 const INSIDE: f64 = 1e-3;
 
 impl Articulated {
