@@ -125,7 +125,7 @@ fn an_arm_keeps_its_distance_from_where_a_ball_is_and_not_from_where_it_was() {
 }
 
 #[test]
-fn a_pose_that_is_none_is_refused_by_name_and_the_last_good_one_is_kept() {
+fn an_invalid_pose_is_refused_by_name_and_the_last_valid_one_is_kept() {
     let ended = |level: &str, orientation_w: f64| {
         let objects = Source::new("objects", "world/objects", move |tick| {
             let (at, is_good) = (middle(), tick.time() < 0.2);
