@@ -16,9 +16,7 @@ pub trait Payload: StateBuffer {
 
     /// Writes a time (ns, below 2^52) and the index of a number into each.
     fn write(&mut self, time_ns: u64) {
-        for (index, value) in self.values_mut().iter_mut().enumerate() {
-            *value = number(time_ns as f64, index);
-        }
+        self.values_mut().iter_mut().zip(times::<Self>(time_ns)).for_each(|(value, time)| *value = time);
     }
 
     /// As [`write`](Self::write), and checks each number while it is written: whether all are finite.
@@ -34,23 +32,17 @@ pub trait Payload: StateBuffer {
     /// Reads every number. `None` if they are not of one time: the payload was torn.
     fn read(&self) -> Option<u64> {
         let first = self.values()[0];
-        let expected = |index| number(first, index).to_bits();
-        let values = self.values().iter().enumerate();
-        let differ = values.fold(0, |differ, (index, value)| differ | (value.to_bits() ^ expected(index)));
+        let values = self.values().iter().zip(times::<Self>(first as u64));
+        let differ = values.fold(0, |differ, (value, time)| differ | (value.to_bits() ^ time.to_bits()));
         (differ == 0).then_some(first as u64)
     }
 }
 
-/// A number of a payload. All differ: a check of them cannot be made once for all.
-fn number(time: f64, index: usize) -> f64 {
-    // integers of 32 bits become numbers in vectors
-    time + f64::from(index as i32)
-}
-
-/// The numbers of a payload of this time.
+/// The numbers of a payload of this time. All differ: a check of them cannot be made once for all.
 fn times<P: Payload>(time_ns: u64) -> impl Iterator<Item = f64> {
     let time = time_ns as f64;
-    (0..P::BYTES / size_of::<f64>()).map(move |index| number(time, index))
+    // integers of 32 bits become numbers in vectors
+    (0..P::BYTES / size_of::<f64>()).map(move |index| time + f64::from(index as i32))
 }
 
 macro_rules! payloads {

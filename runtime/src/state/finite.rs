@@ -15,7 +15,7 @@ pub(super) trait Float: Copy {
     /// Its bits.
     type Bits: Copy + Default + PartialEq + BitOr<Output = Self::Bits>;
 
-    /// The bits of the number times zero, without the sign: 0 if the number is finite.
+    /// The bits of the number less itself: 0 if the number is finite, else those of a NaN.
     fn excess(self) -> Self::Bits;
 }
 
@@ -26,17 +26,17 @@ macro_rules! floats {
 
             #[inline(always)]
             fn excess(self) -> $bits {
-                (self * 0.0).to_bits() << 1
+                (self - self).to_bits()
             }
         }
     )* };
 }
 floats!(f64 => u64, f32 => u32);
 
-/// The gathered bits of all numbers times zero: 0 if all of them are finite.
+/// The gathered bits of all numbers less themselves: 0 if all of them are finite.
 ///
-/// One pass without branches: this runs at every publication. A finite number times zero is a zero of either sign, and the
-/// bits of zeros, unlike their sum, may be gathered in any order: several numbers at a time.
+/// One pass without branches: this runs at every publication. Bits, unlike a sum, may be gathered in any order: several
+/// numbers at a time.
 #[inline(always)]
 fn gathered_portably<F: Float>(values: &[F]) -> F::Bits {
     values.iter().fold(F::Bits::default(), |bits, value| bits | value.excess())
@@ -63,13 +63,10 @@ pub(super) fn are_finite<F: Float>(values: &[F]) -> bool {
 /// looked at where they are made, and not read again. Returns how many were written.
 #[inline(always)]
 fn written_portably<F: Float>(places: &mut [F], values: impl Iterator<Item = F>) -> (usize, F::Bits) {
-    let (mut count, mut bits) = (0, F::Bits::default());
-    for (place, value) in places.iter_mut().zip(values) {
+    places.iter_mut().zip(values).fold((0, F::Bits::default()), |(count, bits), (place, value)| {
         *place = value;
-        bits = bits | value.excess();
-        count += 1;
-    }
-    (count, bits)
+        (count + 1, bits | value.excess())
+    })
 }
 
 #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
