@@ -109,10 +109,10 @@ fn run(rows: &str) -> Option<Machine> {
     twelve::write(&graphs);
     adapters::write(&graphs);
     scans::write(&graphs);
-    // a longer run of the twelve joints: `MOTORIUM_CAN_SECONDS=60 cargo only can`
+    // a longer run of the twelve joints: `MOTORIUM_CAN_SECONDS=60 cargo only vcan`
     let seconds = std::env::var("MOTORIUM_CAN_SECONDS");
     std::fs::write(graphs.join("seconds"), seconds.as_deref().unwrap_or("5")).expect("a file");
-    // `MOTORIUM_CAN_KILLS=100 cargo only can often`: more deaths of the adapter
+    // `MOTORIUM_CAN_KILLS=100 cargo only vcan often`: more deaths of the adapter
     std::fs::write(graphs.join("kills"), often::kills().to_string()).expect("a file");
     std::fs::write(graphs.join("rows"), rows).expect("a file");
     let put = |from: &Path, to: &str| format!("{}:{to}", from.display());
