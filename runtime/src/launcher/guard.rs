@@ -179,7 +179,7 @@ fn describe_safety(
     workers: &[(String, Watch)],
     noticed: u64,
 ) -> (String, bool) {
-    let state = serde_json::to_value(plan.safety.safe_state).unwrap_or_default();
+    let state = serde_json::to_value(plan.safety.gate.safe_state).unwrap_or_default();
     let state = state.as_str().unwrap_or_default();
     let (mut words, mut are_safe) = (Vec::new(), true);
     for (component, block) in plan.components.iter().zip(region.components()) {

@@ -56,7 +56,7 @@ fn cause(plan: &Plan, latch: Latch, component: Option<usize>) -> String {
         }
         Latch::SafeState => {
             let actuator = component.map_or("an actuator", |index| &plan.components[index].name);
-            match plan.safety.resume {
+            match plan.safety.gate.resume {
                 ResumeRule::Latch => {
                     format!("since `{actuator}` entered its safe state and `resume` is \"latch\"")
                 }
@@ -79,7 +79,7 @@ mod tests {
         assert_eq!(cause(&plan, Latch::Stop, None), "by `motorium stop --now`");
         let tripped = "since `physics` tripped, for a reason that its result tells";
         assert_eq!(cause(&plan, Latch::SafeState, Some(0)), tripped);
-        plan.safety.resume = ResumeRule::Latch;
+        plan.safety.gate.resume = ResumeRule::Latch;
         assert_eq!(
             cause(&plan, Latch::SafeState, Some(0)),
             "since `physics` entered its safe state and `resume` is \"latch\""

@@ -18,7 +18,7 @@ use crate::state::{Digest, TypeLayout};
 pub use expectation::{Comparison, Expectation, ExpectationError};
 pub use faults::{LivenessPlan, OnError, OnFailure, OnOverrun, RestartPlan, RestartWhen};
 pub(crate) use safety::EMERGENCY_STOP_PORT;
-pub use safety::{LimitPolicy, ResumeRule, SafeState, SafetyPlan};
+pub use safety::{GateRules, LimitPolicy, ResumeRule, SafeState, SafetyPlan};
 pub use topics::{LatencyPlan, OnMiss, TopicPlan};
 
 /// A graph, resolved.

@@ -42,6 +42,17 @@ pub enum ResumeRule {
 /// Name of the input by which an actuator's gate reads the emergency-stop topic.
 pub(crate) const EMERGENCY_STOP_PORT: &str = "emergency_stop";
 
+/// The rules by which a command gate treats the commands of its joints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GateRules {
+    /// The state applied where no command may be.
+    pub safe_state: SafeState,
+    /// The treatment of commands beyond a limit.
+    pub limits: LimitPolicy,
+    /// The way out of the safe state.
+    pub resume: ResumeRule,
+}
+
 /// Limits and states that keep the robot safe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SafetyPlan {
@@ -49,12 +60,9 @@ pub struct SafetyPlan {
     pub stale_after_ns: u64,
     /// A command computed from a measurement older than this is never applied.
     pub source_stale_after_ns: u64,
-    /// The treatment of commands beyond a limit.
-    pub limits: LimitPolicy,
-    /// The way out of the safe state.
-    pub resume: ResumeRule,
-    /// The state applied instead.
-    pub safe_state: SafeState,
+    /// The rules of the gates of all actuators.
+    #[serde(flatten)]
+    pub gate: GateRules,
     /// Time for which actuators stay in the safe state before they are stopped, at every end of a run, ns.
     pub settle_ns: u64,
     /// A robot whose commands fail takes the other robots of its actuator into their safe state.
@@ -69,9 +77,11 @@ impl SafetyPlan {
         Self {
             stale_after_ns: 5_000_000,
             source_stale_after_ns: 20_000_000,
-            limits: LimitPolicy::Clamp,
-            resume: ResumeRule::Near,
-            safe_state: SafeState::Hold,
+            gate: GateRules {
+                safe_state: SafeState::Hold,
+                limits: LimitPolicy::Clamp,
+                resume: ResumeRule::Near,
+            },
             settle_ns: 0,
             stop_together: false,
         }

@@ -6,24 +6,13 @@ use super::offer::{Measured, Offer, Verdict};
 use super::resume::Resume;
 use super::states::{Joint, enter, stay};
 use super::within::Envelope;
-use crate::plan::{LimitPolicy, ResumeRule, SafeState};
+use crate::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
 use crate::region::{GateState, Refusal};
 use crate::state::Field as _;
 
 /// Time for which the positions of a command go on with its velocities where the next one is late, s, at least. Without
 /// it a late command would brake the robot harder than any safe state.
 const GOES_ON_FOR: f64 = 0.02;
-
-/// The settings of a gate, from the graph's `[safety]` table.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct GateSettings {
-    /// The state applied where no command may be.
-    pub safe_state: SafeState,
-    /// Treatment of commands beyond a limit.
-    pub limits: LimitPolicy,
-    /// The way out of the safe state.
-    pub resume: ResumeRule,
-}
 
 /// The command gate of one actuator: a state machine over the joints.
 ///
@@ -32,13 +21,13 @@ pub struct GateSettings {
 /// next one is awaited, its positions go on with its velocities.
 ///
 /// ```
-/// use motorium::plan::{LimitPolicy, ResumeRule, SafeState};
-/// use motorium::safety::{Account, Gate, GateSettings, JointLimits, Measured, Verdict};
+/// use motorium::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
+/// use motorium::safety::{Account, Gate, JointLimits, Measured, Verdict};
 ///
 /// let elbow = JointLimits { kp: 600.0, kd: 40.0, ..JointLimits::new("elbow") }.with_effort(87.0);
-/// let settings =
-///     GateSettings { safe_state: SafeState::Hold, limits: LimitPolicy::Clamp, resume: ResumeRule::Near };
-/// let mut gate = Gate::new(vec![elbow], settings);
+/// let rules =
+///     GateRules { safe_state: SafeState::Hold, limits: LimitPolicy::Clamp, resume: ResumeRule::Near };
+/// let mut gate = Gate::new(vec![elbow], rules);
 /// let mut gravity = |effort: &mut [f64]| effort.fill(21.0);
 /// let measured = Measured { position: &[-1.2], velocity: &[0.0], gravity: &mut gravity };
 /// assert_eq!(gate.make_safe(measured, 1e-3), Verdict::Safe { state: SafeState::Hold, entered: true });
@@ -47,7 +36,7 @@ pub struct GateSettings {
 #[derive(Debug)]
 pub struct Gate {
     joints: Vec<JointLimits>,
-    settings: GateSettings,
+    rules: GateRules,
     state: GateState,
     /// The safe state has been entered and not left.
     in_safe: bool,
@@ -67,10 +56,10 @@ pub struct Gate {
 
 impl Gate {
     /// A gate for these joints, in the order of the commands.
-    pub fn new(joints: Vec<JointLimits>, settings: GateSettings) -> Self {
+    pub fn new(joints: Vec<JointLimits>, rules: GateRules) -> Self {
         let count = joints.len();
         Self {
-            settings,
+            rules,
             state: GateState::Safe,
             in_safe: false,
             latched: false,
@@ -121,7 +110,7 @@ impl Gate {
 
     /// Keeps the safe state until [`release`](Self::release), where the graph says `resume = "latch"`.
     pub fn latch(&mut self) {
-        self.latched = self.settings.resume == ResumeRule::Latch;
+        self.latched = self.rules.resume == ResumeRule::Latch;
     }
 
     /// Leaves the latch.
@@ -194,7 +183,7 @@ impl Gate {
     #[cold]
     #[inline(never)]
     pub fn make_safe(&mut self, measured: Measured<'_>, dt: f64) -> Verdict {
-        let state = self.settings.safe_state;
+        let state = self.rules.safe_state;
         let position = measured.position;
         let entered = !self.in_safe;
         if entered {
@@ -213,7 +202,7 @@ impl Gate {
     /// Sets the velocities beyond which the drives brake, from where the joints are.
     #[inline]
     pub(super) fn bound_velocities(&mut self, position: &[f64]) {
-        if self.state == GateState::Safe && self.settings.safe_state == SafeState::ZeroTorque {
+        if self.state == GateState::Safe && self.rules.safe_state == SafeState::ZeroTorque {
             return;
         }
         self.envelope.bound_velocities(&mut self.setpoints, position);
@@ -225,8 +214,8 @@ impl Gate {
         for (i, (setpoint, limits)) in self.setpoints.iter_mut().zip(&self.joints).enumerate() {
             let joint = Joint::measured(position, velocity, self.gravity[i], i, setpoint);
             let last = *setpoint;
-            *setpoint = enter(self.settings.safe_state, &joint, limits, &last);
-            if followed && self.settings.safe_state == SafeState::Hold {
+            *setpoint = enter(self.rules.safe_state, &joint, limits, &last);
+            if followed && self.rules.safe_state == SafeState::Hold {
                 // Without a jump of the effort, which would be one of the acceleration.
                 let (q, v) = (joint.position, joint.velocity);
                 let jump = last.effort_at(q, v, limits.effort) - setpoint.effort_at(q, v, f64::INFINITY);
@@ -278,7 +267,7 @@ impl Gate {
                 limits.go_on(next, held_for);
             }
         }
-        if exceeds && self.settings.limits == LimitPolicy::Refuse { Err(Refusal::Limits) } else { Ok(()) }
+        if exceeds && self.rules.limits == LimitPolicy::Refuse { Err(Refusal::Limits) } else { Ok(()) }
     }
 
     /// Applies the command in `next`, with what is left of the way back, as fast as the rates allow.
@@ -308,7 +297,7 @@ impl Gate {
                 }
             });
         }
-        if exceeds && self.settings.limits == LimitPolicy::Refuse {
+        if exceeds && self.rules.limits == LimitPolicy::Refuse {
             if offer.is_new {
                 account.refused(Refusal::Limits);
             }
@@ -328,7 +317,7 @@ impl Gate {
         let pairs = self.next.iter().zip(&self.setpoints).zip(&self.joints).enumerate();
         let resume = &self.resume;
         let near = |(i, ((next, safe), limits))| resume.is_near(i, next, limits, safe);
-        if self.settings.resume != ResumeRule::AtOnce {
+        if self.rules.resume != ResumeRule::AtOnce {
             if !pairs.into_iter().all(near) {
                 self.state = GateState::Resuming;
                 return self.approach(measured, dt);

@@ -32,7 +32,7 @@ mod within;
 
 pub use account::Account;
 pub use freshness::{Age, Freshness, SuspendClock};
-pub use gate::{Gate, GateSettings};
+pub use gate::Gate;
 pub use limits::{BRAKING_BAND, JointLimits, JointSetpoint};
 pub use offer::{Measured, Offer, Verdict};
 pub use port::CommandGate;

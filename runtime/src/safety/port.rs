@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use super::account::{Account as _, GroupAccount, NoAccount};
 use super::freshness::{Age, Freshness, SuspendClock};
-use super::gate::{Gate, GateSettings};
+use super::gate::Gate;
 use super::group::Group;
 use super::limits::{JointLimits, JointSetpoint};
 use super::offer::{Measured, Offer, Verdict};
@@ -124,10 +124,8 @@ impl Setup {
         let emergency_stop =
             if self.has_input(EMERGENCY_STOP_PORT) { Some(self.input(EMERGENCY_STOP_PORT)?) } else { None };
         let safety = &self.plan().safety;
-        let settings =
-            GateSettings { safe_state: safety.safe_state, limits: safety.limits, resume: safety.resume };
         let context = self.context().clone();
-        let mut gate = Gate::new(joints, settings);
+        let mut gate = Gate::new(joints, safety.gate);
         if context.restart_count() > 0 {
             // The robot was without its actuator: under `resume = "latch"` a person decides.
             gate.latch();

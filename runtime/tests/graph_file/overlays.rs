@@ -29,7 +29,7 @@ fn refused(loaded: Result<Checked, GraphError>) -> String {
 fn a_graph_that_extends_another_is_that_graph_but_for_what_it_says() {
     let (base, variant) = (plan(load(&good("panda-reach"))), plan(load(&overlay("variant.toml"))));
     assert_eq!((variant.name.as_str(), variant.seed), ("variant", base.seed));
-    assert_eq!(variant.safety.safe_state, SafeState::Damp);
+    assert_eq!(variant.safety.gate.safe_state, SafeState::Damp);
     let names: Vec<&str> = variant.components.iter().map(|component| component.name.as_str()).collect();
     assert_eq!(names, ["physics", "encoder", "policy", "controller"], "the console is removed");
     let [physics, encoder, policy, controller] = variant.components.as_slice() else { unreachable!() };

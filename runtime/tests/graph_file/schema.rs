@@ -191,7 +191,7 @@ fn defaults_of_the_schema_are_those_of_the_plan() {
         ("/definitions/Restart/properties/window/default", shown(component.restart.window_ns)),
         ("/definitions/Restart/properties/within/default", shown(component.restart.within_ns)),
         ("/definitions/Safety/properties/stale_after/default", shown(plan.safety.stale_after_ns)),
-        ("/definitions/Safety/properties/safe_state/default", data(&plan.safety.safe_state)),
+        ("/definitions/Safety/properties/safe_state/default", data(&plan.safety.gate.safe_state)),
         ("/definitions/Safety/properties/settle/default", shown(plan.safety.settle_ns)),
     ] {
         assert_eq!(text(pointer), actual, "{pointer}");

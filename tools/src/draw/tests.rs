@@ -2,8 +2,8 @@ use std::path::PathBuf;
 
 use motorium::declare::TopicPattern;
 use motorium::plan::{
-    Activation, ClockKind, ComponentPlan, LatencyPlan, LimitPolicy, OnDenied, OnError, OnFailure, OnMiss,
-    OnOverrun, Plan, PortPlan, Program, RestartPlan, RestartWhen, ResumeRule, SafeState, SafetyPlan,
+    Activation, ClockKind, ComponentPlan, GateRules, LatencyPlan, LimitPolicy, OnDenied, OnError, OnFailure,
+    OnMiss, OnOverrun, Plan, PortPlan, Program, RestartPlan, RestartWhen, ResumeRule, SafeState, SafetyPlan,
     SchedulingClass, SchedulingPlan, Spin, TopicPlan,
 };
 use motorium::state::{JointState, StateBuffer as _};
@@ -109,9 +109,11 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
         safety: SafetyPlan {
             stale_after_ns: 5_000_000,
             source_stale_after_ns: 10_000_000,
-            limits: LimitPolicy::Clamp,
-            resume: ResumeRule::Near,
-            safe_state: SafeState::Hold,
+            gate: GateRules {
+                safe_state: SafeState::Hold,
+                limits: LimitPolicy::Clamp,
+                resume: ResumeRule::Near,
+            },
             settle_ns: 0,
             stop_together: false,
         },

@@ -63,7 +63,7 @@ pub(super) fn facts(component: &ComponentPlan, plan: &Plan) -> Vec<String> {
         facts.push(format!("robot {}", robot.name));
     }
     if component.actuator {
-        let safe_state = match plan.safety.safe_state {
+        let safe_state = match plan.safety.gate.safe_state {
             SafeState::Hold => "hold",
             SafeState::Damp => "damp",
             SafeState::ZeroTorque => "zero torque",

@@ -10,7 +10,7 @@ use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
 use crate::graph::read::{At, good, good_or};
-use crate::plan::{Activation, EMERGENCY_STOP_PORT, SafetyPlan};
+use crate::plan::{Activation, EMERGENCY_STOP_PORT, GateRules, SafetyPlan};
 use crate::state::{EmergencyStop, JointCommand, StateBuffer as _};
 use crate::units::TimeSpan;
 
@@ -68,10 +68,12 @@ pub(super) fn resolve(
     SafetyPlan {
         stale_after_ns: stale_after.ns,
         source_stale_after_ns: source.unwrap_or(stale_after.ns.saturating_add(2 * chains_ns)),
-        limits: table.map_or(defaults::LIMITS, |table| good_or(&table.limits, defaults::LIMITS)),
-        resume: table.map_or(defaults::RESUME, |table| good_or(&table.resume, defaults::RESUME)),
-        safe_state: table
-            .map_or(defaults::SAFE_STATE, |table| good_or(&table.safe_state, defaults::SAFE_STATE)),
+        gate: GateRules {
+            safe_state: table
+                .map_or(defaults::SAFE_STATE, |table| good_or(&table.safe_state, defaults::SAFE_STATE)),
+            limits: table.map_or(defaults::LIMITS, |table| good_or(&table.limits, defaults::LIMITS)),
+            resume: table.map_or(defaults::RESUME, |table| good_or(&table.resume, defaults::RESUME)),
+        },
         settle_ns: settle.ns,
         stop_together: table.is_some_and(|table| good_or(&table.stop_together, false)),
     }

@@ -8,7 +8,7 @@ mod within;
 use std::cell::RefCell;
 
 use super::*;
-use crate::plan::{LimitPolicy, ResumeRule, SafeState};
+use crate::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
 use crate::region::{LimitKind, Refusal};
 use crate::state::JointCommand;
 
@@ -59,13 +59,8 @@ fn limits() -> Vec<JointLimits> {
 }
 
 fn arm_with(safe_state: SafeState, limit_policy: LimitPolicy, resume: ResumeRule) -> Arm {
-    let settings = GateSettings { safe_state, limits: limit_policy, resume };
-    Arm {
-        gate: Gate::new(limits(), settings),
-        book: Book::default(),
-        position: [0.5, -0.5],
-        velocity: [0.0; 2],
-    }
+    let rules = GateRules { safe_state, limits: limit_policy, resume };
+    Arm { gate: Gate::new(limits(), rules), book: Book::default(), position: [0.5, -0.5], velocity: [0.0; 2] }
 }
 
 fn arm() -> Arm {
