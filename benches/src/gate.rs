@@ -25,7 +25,7 @@ const STALE_NS: u64 = 5_000_000;
 const NOTED: usize = 1 << 16;
 
 /// The kinds of both components, for the program that hosts them.
-// Inlined, the steps of all kinds would be compiled with each caller, as little optimised as it is.
+// Not inlined, as `Kind::of` asks for.
 #[inline(never)]
 pub fn kinds() -> [Kind; 2] {
     [Kind::of::<Commander>(), Kind::of::<Actuator>()]

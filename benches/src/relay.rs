@@ -26,7 +26,7 @@ fn default_bytes() -> usize {
 }
 
 /// The kind of the component, for the program that hosts it.
-// Inlined, its steps would be compiled with each caller, as little optimised as it is.
+// Not inlined, as `Kind::of` asks for.
 #[inline(never)]
 pub fn kind() -> Kind {
     Kind::of::<Relay>()

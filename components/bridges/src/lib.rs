@@ -20,7 +20,7 @@ pub use iceoryx2::{Feed, FeedError, Iceoryx2Bridge, Iceoryx2BridgeConfig, Inboun
 /// let names: Vec<_> = motorium_bridges::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"bridge.iceoryx2") && names.contains(&"log.record"));
 /// ```
-// Inlined, the steps of all kinds would be compiled with each caller, as little optimised as it is.
+// Not inlined, as `Kind::of` asks for.
 #[inline(never)]
 pub fn kinds() -> [Kind; 2] {
     [Kind::of::<Iceoryx2Bridge>(), Kind::of::<recording::Record>()]

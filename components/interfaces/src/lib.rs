@@ -14,7 +14,7 @@ pub use udp::{UdpSensor, UdpSensorConfig};
 /// let names: Vec<_> = motorium_interfaces::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"log.console"));
 /// ```
-// Inlined, the steps of all kinds would be compiled with each caller, as little optimised as it is.
+// Not inlined, as `Kind::of` asks for.
 #[inline(never)]
 pub fn kinds() -> [Kind; 2] {
     [Kind::of::<ConsoleLog>(), Kind::of::<UdpSensor>()]

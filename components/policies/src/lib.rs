@@ -52,7 +52,7 @@ pub use waypoints::WaypointsPolicy;
 /// let names: Vec<_> = motorium_policies::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"policy.dmp"));
 /// ```
-// Inlined, the steps of all kinds would be compiled with each caller, as little optimised as it is.
+// Not inlined, as `Kind::of` asks for.
 #[inline(never)]
 pub fn kinds() -> [Kind; 7] {
     [

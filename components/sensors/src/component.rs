@@ -189,7 +189,7 @@ fn build(
 /// let names: Vec<_> = motorium_sensors::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"sensor.joint_encoder"));
 /// ```
-// Inlined, the steps of all kinds would be compiled with each caller, as little optimised as it is.
+// Not inlined, as `Kind::of` asks for.
 #[inline(never)]
 pub fn kinds() -> Vec<Kind> {
     vec![

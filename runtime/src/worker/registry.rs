@@ -36,6 +36,9 @@ pub struct ConfigProblem {
 
 impl Kind {
     /// The kind of a component type.
+    ///
+    /// A library offers its kinds by a function that is `#[inline(never)]`: their steps are then compiled, and optimised, with the
+    /// library. A short function is inlined else, and they are compiled with each caller, as little optimised as that is.
     pub const fn of<C: Component>() -> Self {
         Self {
             name: C::KIND,

@@ -309,7 +309,7 @@ fn single(port: &PortPlan) -> bool {
 }
 
 /// The kind `log.replay`, for programs that host the plans of [`replaced`]: it stands in no graph that a person writes.
-// Inlined, its steps would be compiled with each caller, as little optimised as it is.
+// Not inlined, as `Kind::of` asks for.
 #[inline(never)]
 pub fn replay_kind() -> Kind {
     Kind::of::<Replay>()

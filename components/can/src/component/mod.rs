@@ -133,7 +133,7 @@ fn pose(pose: motorium::declare::BasePose) -> motorium_robots::BasePose {
 /// let names: Vec<_> = motorium_can::kinds().iter().map(|kind| kind.name).collect();
 /// assert_eq!(names, ["can.adapter", "can.drive_sim"]);
 /// ```
-// Inlined, the steps of all kinds would be compiled with each caller, as little optimised as it is.
+// Not inlined, as `Kind::of` asks for.
 #[inline(never)]
 pub fn kinds() -> [Kind; 2] {
     [Kind::of::<CanAdapter>(), Kind::of::<DriveSimulation>()]

@@ -168,7 +168,7 @@ fn period_ns(tick: &Tick) -> u64 {
 /// let names: Vec<_> = motorium_control::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"control.qp"));
 /// ```
-// Inlined, the steps of all kinds would be compiled with each caller, as little optimised as it is.
+// Not inlined, as `Kind::of` asks for.
 #[inline(never)]
 pub fn kinds() -> [Kind; 4] {
     [

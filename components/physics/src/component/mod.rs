@@ -249,7 +249,7 @@ impl Totals {
 /// let names: Vec<_> = motorium_physics::kinds().iter().map(|kind| kind.name).collect();
 /// assert!(names.contains(&"physics.articulated"));
 /// ```
-// Inlined, the steps of all kinds would be compiled with each caller, as little optimised as it is.
+// Not inlined, as `Kind::of` asks for.
 #[inline(never)]
 pub fn kinds() -> [Kind; 3] {
     [Kind::of::<ArticulatedPhysics>(), Kind::of::<MujocoPhysics>(), Kind::of::<RapierPhysics>()]
