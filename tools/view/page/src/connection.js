@@ -8,6 +8,9 @@ import { FileDescriptorSetSchema } from "@bufbuild/protobuf/wkt";
 const SUBPROTOCOL = "foxglove.sdk.v1";
 const AGAIN_MS = 500;
 
+// What the server answers to a subscription to a channel that it does not have.
+const UNKNOWN_CHANNEL = /^Unknown channel ID: (\d+)$/;
+
 const bytesOf = (base64) => Uint8Array.from(atob(base64), (letter) => letter.charCodeAt(0));
 
 const NO_NUMBERS = [ScalarType.BOOL, ScalarType.STRING, ScalarType.BYTES];
@@ -178,7 +181,13 @@ export class Connection extends EventTarget {
       if (unknown.length > 0) client.subscribeParameterUpdates(unknown);
       this.#emit("parameters", parameters);
     });
-    client.on("status", (status) => this.#emit("status", status));
+    client.on("status", (status) => {
+      const unknown = UNKNOWN_CHANNEL.exec(status.message);
+      if (!unknown) return this.#emit("status", status);
+      // A channel may end while it is subscribed to, as at the end of a run. That it ended may be told after this.
+      const isThere = () => this.channels.some(({ id }) => id === Number(unknown[1]));
+      setTimeout(() => isThere() && this.#emit("status", status), AGAIN_MS);
+    });
     const answer = (number, outcome) => {
       const waiting = this.#answers.get(number);
       this.#answers.delete(number);
