@@ -14,7 +14,7 @@ pub trait Payload: StateBuffer {
     /// The numbers, to be written.
     fn values_mut(&mut self) -> &mut [f64];
 
-    /// Writes a time (ns, below 2^52) and the index of a number into each.
+    /// Writes a time (ns, below 2^52) into each, moved by as many of its last bits as the index of the number.
     fn write(&mut self, time_ns: u64) {
         self.values_mut().iter_mut().zip(times::<Self>(time_ns)).for_each(|(value, time)| *value = time);
     }
@@ -38,11 +38,11 @@ pub trait Payload: StateBuffer {
     }
 }
 
-/// The numbers of a payload of this time. All differ: a check of them cannot be made once for all.
+/// The numbers of a payload of this time. All differ: a check of them cannot be made once for all. To make them takes an addition
+/// each: what is measured is how they get across.
 fn times<P: Payload>(time_ns: u64) -> impl Iterator<Item = f64> {
-    let time = time_ns as f64;
-    // integers of 32 bits become numbers in vectors
-    (0..P::BYTES / size_of::<f64>()).map(move |index| time + f64::from(index as i32))
+    let time = (time_ns as f64).to_bits();
+    (0..P::BYTES / size_of::<f64>()).map(move |index| f64::from_bits(time + index as u64))
 }
 
 macro_rules! payloads {
