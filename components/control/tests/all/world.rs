@@ -126,9 +126,10 @@ fn an_arm_keeps_its_distance_from_where_a_ball_is_and_not_from_where_it_was() {
 
 #[test]
 fn an_invalid_pose_is_refused_by_name_and_the_last_valid_one_is_kept() {
+    let at = middle();
     let ended = |level: &str, orientation_w: f64| {
         let objects = Source::new("objects", "world/objects", move |tick| {
-            let (at, is_good) = (middle(), tick.time() < 0.2);
+            let is_good = tick.time() < 0.2;
             let mut poses = ObjectPoses::default();
             poses.set_count(1);
             // after a fifth of a second it claims to be far away, by invalid poses
@@ -138,7 +139,7 @@ fn an_invalid_pose_is_refused_by_name_and_the_last_valid_one_is_kept() {
             poses.orientation_w_mut()[0] = if is_good { 1.0 } else { orientation_w };
             Some(poses)
         });
-        let far = middle() + Vector3::new(0.0, 2.0, 0.0);
+        let far = at + Vector3::new(0.0, 2.0, 0.0);
         let config = format!("{{ {level} {}, {LIMIT} }}", world(far, ", mass = 1.0"));
         let targets = Targets { offsets: vec![INTO], ..Targets::default() };
         let controller = controller(&config).subscribe("object_poses", "world/objects");
@@ -233,8 +234,8 @@ fn objects_and_ground_of_the_file_of_a_world_are_kept_away_from() {
 
 #[test]
 fn objects_that_move_are_counted_after_those_of_the_file_of_the_world() {
-    let poses = Source::new("objects", "world/objects", |_| {
-        let at = middle();
+    let at = middle();
+    let poses = Source::new("objects", "world/objects", move |_| {
         let mut poses = ObjectPoses::default();
         poses.set_count(1);
         // the ball of the file is the first
