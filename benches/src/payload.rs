@@ -14,7 +14,7 @@ pub trait Payload: StateBuffer {
     /// The numbers, to be written.
     fn values_mut(&mut self) -> &mut [f64];
 
-    /// Writes a time (ns, below 2^52) into each, moved by as many of its last bits as the index of the number.
+    /// Writes a time (ns, below 2^52) into each, raised by as many units of its last bit as the index of the number.
     fn write(&mut self, time_ns: u64) {
         self.values_mut().iter_mut().zip(times::<Self>(time_ns)).for_each(|(value, time)| *value = time);
     }

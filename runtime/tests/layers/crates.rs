@@ -99,3 +99,24 @@ pub(crate) fn runtime_in_algorithms(root: &Path) -> Vec<String> {
     }
     found
 }
+
+/// Functions that offer kinds and may be inlined, against the advice of `Kind::of`; and the number of all that were found.
+pub(crate) fn inlined_kinds(root: &Path) -> (Vec<String>, usize) {
+    let offers = |line: &str| {
+        let given = line.strip_prefix("pub fn ").and_then(|rest| rest.split_once("() -> "));
+        given.is_some_and(|(_, given)| {
+            ["Kind ", "[Kind; ", "Vec<Kind> "].iter().any(|kinds| given.starts_with(kinds))
+        })
+    };
+    let (mut inlined, mut found) = (Vec::new(), 0);
+    for path in ["components", "benches/src"].iter().flat_map(|folder| crate::sources(&root.join(folder))) {
+        let source = std::fs::read_to_string(&path).expect("a source file");
+        for (before, line) in source.lines().zip(source.lines().skip(1)).filter(|(_, line)| offers(line)) {
+            found += 1;
+            if before != "#[inline(never)]" {
+                inlined.push(format!("{}: {line}", path.display()));
+            }
+        }
+    }
+    (inlined, found)
+}

@@ -167,6 +167,13 @@ fn of(text: &str) -> Vec<(String, String)> {
 }
 
 #[test]
+fn what_steps_is_compiled_in_the_crate_of_its_kind_and_not_with_its_callers() {
+    let (inlined, found) = crates::inlined_kinds(&root());
+    assert!(inlined.is_empty(), "see `Kind::of`: {}", inlined.join("\n"));
+    assert!(found >= 10, "{found} functions of kinds found");
+}
+
+#[test]
 fn arrows_are_found_in_every_form_of_a_path() {
     let to = |text: &str| of(text).into_iter().map(|(_, to)| to).collect::<Vec<_>>();
     assert_eq!(to("use crate::launcher::Report;"), ["launcher"]);

@@ -1,7 +1,5 @@
 //! `motorium kinds`: what is known of a kind agrees with what graphs may say.
 
-use std::path::{Path, PathBuf};
-
 use crate::program::{complaint, json, printed, run};
 use serde_json::Value;
 
@@ -95,34 +93,4 @@ fn a_kind_that_does_not_exist_is_answered_with_the_nearest() {
     let missing = complaint(&["kinds", "--exec", "no/such/program"]);
     assert!(missing.contains("does not exist") && missing.contains("cargo build --release"), "{missing}");
     assert!(!missing.contains("graph file"), "{missing}");
-}
-
-/// Every source file of Rust in a folder and the folders in it.
-fn sources(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
-    let paths = entries.map(|entry| entry.expect("an entry").path());
-    let files = paths.flat_map(|path| if path.is_dir() { sources(&path) } else { vec![path] });
-    files.filter(|path| path.extension().is_some_and(|extension| extension == "rs")).collect()
-}
-
-#[test]
-fn what_steps_is_compiled_in_the_library_of_its_kind_and_not_with_the_command() {
-    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace");
-    let files = ["components", "benches/src"].map(|folder| sources(&workspace.join(folder)));
-    let gives_kinds = |line: &str| {
-        let given = line.strip_prefix("pub fn ").and_then(|rest| rest.split_once("() -> "));
-        given.is_some_and(|(_, given)| {
-            ["Kind ", "[Kind; ", "Vec<Kind> "].iter().any(|kinds| given.starts_with(kinds))
-        })
-    };
-    let mut seen = 0;
-    for path in files.iter().flatten() {
-        let source = std::fs::read_to_string(path).expect("a source file");
-        for (before, line) in source.lines().zip(source.lines().skip(1)).filter(|(_, line)| gives_kinds(line))
-        {
-            seen += 1;
-            assert_eq!(before, "#[inline(never)]", "{}: {line}: see `Kind::of`", path.display());
-        }
-    }
-    assert!(seen >= 10, "{seen} functions of kinds found");
 }
