@@ -1,8 +1,9 @@
 //! The command gate as pure logic: limits, safe states and the way back, without ports and processes.
 
 use super::account::Account;
-use super::limits::{Before, Bounds, JointLimits, JointSetpoint};
+use super::limits::{Before, Bounds, JointLimits, JointSetpoint, SLOWEST_LIMIT};
 use super::offer::{Measured, Offer, Verdict};
+use super::rest::Rest;
 use super::resume::Resume;
 use super::states::{Joint, enter, stay};
 use super::within::Envelope;
@@ -52,12 +53,14 @@ pub struct Gate {
     gravity: Vec<f64>,
     envelope: Envelope,
     resume: Resume,
+    rest: Rest,
 }
 
 impl Gate {
     /// A gate for these joints, in the order of the commands.
-    pub fn new(joints: Vec<JointLimits>, rules: GateRules) -> Self {
+    pub fn new(mut joints: Vec<JointLimits>, rules: GateRules) -> Self {
         let count = joints.len();
+        joints.iter_mut().for_each(|joint| joint.velocity = joint.velocity.max(SLOWEST_LIMIT));
         Self {
             rules,
             state: GateState::Safe,
@@ -70,6 +73,7 @@ impl Gate {
             gravity: vec![0.0; count],
             envelope: Envelope::of(&joints),
             resume: Resume::new(count),
+            rest: Rest::default(),
             joints,
         }
     }
@@ -81,6 +85,7 @@ impl Gate {
         self.next.fill(JointSetpoint::default());
         self.gravity.fill(0.0);
         (self.held_for, self.goes_on_for) = (0.0, 0.0);
+        self.rest = Rest::default();
     }
 
     /// The joints and their limits.
@@ -175,6 +180,7 @@ impl Gate {
                 }
                 self.leave_safe(measured, dt)
             }
+            GateState::Resuming if self.resume.fades() => self.follow(&offer, measured, dt, account),
             GateState::Resuming => self.approach(measured, dt),
         }
     }
@@ -189,6 +195,8 @@ impl Gate {
         if entered {
             self.enter_safe(measured.position, measured.velocity, measured.gravity);
         } else if matches!(state, SafeState::Hold | SafeState::Brake) {
+            // The pose changes until the joints are at rest, and gravity with it.
+            (measured.gravity)(&mut self.gravity);
             for (i, (setpoint, limits)) in self.setpoints.iter_mut().zip(&self.joints).enumerate() {
                 let joint =
                     Joint::measured(measured.position, measured.velocity, self.gravity[i], i, setpoint);
@@ -196,7 +204,13 @@ impl Gate {
             }
         }
         self.bound_velocities(position);
+        self.rest.step(state, measured.velocity, dt, entered);
         Verdict::Safe { state, entered }
+    }
+
+    /// True unless a joint still moves although its safe state should have brought it to rest.
+    pub fn is_safe_state_reached(&self) -> bool {
+        self.rest.is_reached()
     }
 
     /// Sets the velocities beyond which the drives brake, from where the joints are.
@@ -280,6 +294,8 @@ impl Gate {
         account: &impl Account,
     ) -> Verdict {
         let over = if offer.is_new { offer.ahead.max(dt) } else { dt };
+        // The difference that fades is no fault of the command.
+        let fades = self.state == GateState::Resuming;
         self.resume.fade(&mut self.next, dt);
         let mut exceeds = false;
         for (i, (next, limits)) in self.next.iter_mut().zip(&self.joints).enumerate() {
@@ -291,8 +307,8 @@ impl Gate {
                 effort: last.effort,
             };
             limits.clamp_rates(next, before, over, |kind| {
-                exceeds = true;
-                if offer.is_new {
+                exceeds |= !fades;
+                if offer.is_new && !fades {
                     account.limited(i, kind);
                 }
             });
@@ -304,7 +320,16 @@ impl Gate {
             return self.make_safe(measured, dt);
         }
         self.setpoints.copy_from_slice(&self.next);
+        if fades && self.resume.fades() {
+            return Verdict::Resuming;
+        }
+        self.state = GateState::Following;
         Verdict::Applied
+    }
+
+    /// True if it has been resuming for longer than [`RESUME_WITHIN`](super::RESUME_WITHIN).
+    pub fn is_resuming_late(&self) -> bool {
+        self.state == GateState::Resuming && self.resume.is_late()
     }
 
     /// Leaves the safe state for the command in `next`: at once where it is within reach, else on the way back.
@@ -341,7 +366,7 @@ impl Gate {
             self.setpoints[i] = setpoint;
             all_met &= met;
         }
-        if self.resume.end_step(all_met, dt) {
+        if self.resume.end_step(all_met, &self.joints, dt) {
             self.state = GateState::Following;
         }
         Verdict::Resuming

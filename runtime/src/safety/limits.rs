@@ -12,6 +12,9 @@ const KD_PER_EFFORT: f64 = 1e3;
 const LARGEST_GAIN: f64 = 1e9;
 /// A position setpoint may lie this share of the joint's range outside of it: sensor noise at a stop.
 const RANGE_TOLERANCE: f64 = 1e-3;
+/// Velocity limit of a joint whose model says zero, rad/s or m/s: drives brake between a limit and 1.05 times it, and that
+/// band must not be empty.
+pub(super) const SLOWEST_LIMIT: f64 = 1e-3;
 /// Rates may exceed their limit by this share: rounding of a setpoint that was integrated at the limit.
 pub(super) const ROUNDING: f64 = 1e-6;
 
@@ -35,7 +38,7 @@ pub struct JointLimits {
     pub lower: f64,
     /// Highest position, rad or m.
     pub upper: f64,
-    /// Largest velocity, rad/s or m/s.
+    /// Largest velocity, rad/s or m/s. A gate takes 0.001 for a smaller one.
     pub velocity: f64,
     /// Largest acceleration, rad/s^2 or m/s^2.
     pub acceleration: f64,
@@ -48,9 +51,9 @@ pub struct JointLimits {
     /// Largest velocity gain, N m s/rad or N s/m. A drive that computes its effort once per `dt` from the velocity at the
     /// beginning is stable up to `2 inertia / dt`; one that knows its inertia states that here.
     pub max_kd: f64,
-    /// Position gain of the safe states where the last command had none, N m/rad or N/m.
+    /// Position gain of the safe states, N m/rad or N/m. `hold` keeps the last command's where that is larger.
     pub kp: f64,
-    /// Velocity gain of the safe states where the last command had none, N m s/rad or N s/m.
+    /// Velocity gain of the safe states, N m s/rad or N s/m. `hold` keeps the last command's where that is larger.
     pub kd: f64,
 }
 
@@ -95,7 +98,8 @@ impl JointSetpoint {
     /// ```
     ///
     /// where `high(v)` is the effort limit up to `max_velocity` and falls from there to the negative effort limit over a
-    /// twentieth of the larger of both velocities; `low(v)` likewise. Nothing accelerates a joint beyond that.
+    /// twentieth of the larger of both velocities; `low(v)` likewise. Nothing accelerates a joint beyond that. A drive
+    /// without an effort limit brakes with the largest effort that its command requests between the two velocities.
     ///
     /// ```
     /// use motorium::safety::JointSetpoint;
@@ -107,12 +111,22 @@ impl JointSetpoint {
     pub fn effort_at(&self, q: f64, v: f64, limit: f64) -> f64 {
         let wanted = self.kp * (self.position - q) + self.kd * (self.velocity - v) + self.effort;
         let band = BRAKING_BAND * self.max_velocity.max(-self.min_velocity);
+        let limit = if limit.is_finite() || !band.is_finite() { limit } else { self.braking_effort(q) };
         let highest = |beyond: f64| {
             let brakes = beyond > 0.0 && limit.is_finite();
             if brakes { limit * (1.0 - 2.0 * (beyond / band).min(1.0)) } else { limit }
         };
         let (low, high) = (-highest(self.min_velocity - v), highest(v - self.max_velocity));
         if wanted.is_nan() { 0.0 } else { wanted.max(low).min(high) }
+    }
+
+    /// Largest effort that the command requests at position `q` within its velocities: the braking effort of a drive
+    /// without an effort limit, whose commands it leaves alone there.
+    #[cold]
+    fn braking_effort(&self, q: f64) -> f64 {
+        let still = self.kp * (self.position - q) + self.kd * self.velocity + self.effort;
+        let requested = |v: f64| (still - self.kd * v).abs();
+        requested(self.min_velocity).max(requested(self.max_velocity))
     }
 }
 
@@ -144,7 +158,8 @@ impl Bounds {
         let JointLimits { lower, upper, velocity, acceleration, effort, effort_rate, max_kp, max_kd, .. } =
             *limits;
         let twice_acceleration = 2.0 * limits.usual_acceleration();
-        let distance = if velocity.is_finite() { velocity.powi(2) / twice_acceleration } else { 0.0 };
+        let brakes = velocity.is_finite() && twice_acceleration > 0.0;
+        let distance = if brakes { velocity.powi(2) / twice_acceleration } else { 0.0 };
         Self {
             max_kp,
             max_kd,

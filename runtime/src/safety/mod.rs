@@ -24,6 +24,7 @@ mod group;
 mod limits;
 mod offer;
 mod port;
+mod rest;
 mod resume;
 mod states;
 #[cfg(test)]
@@ -36,4 +37,6 @@ pub use gate::Gate;
 pub use limits::{BRAKING_BAND, JointLimits, JointSetpoint};
 pub use offer::{Measured, Offer, Verdict};
 pub use port::CommandGate;
+pub use rest::{REST_SPEED, REST_WITHIN};
+pub use resume::RESUME_WITHIN;
 pub use states::{Joint, enter, stay};

@@ -1,15 +1,29 @@
 //! The way out of a safe state: from the held pose to the commanded setpoint, at limited rates.
 //!
 //! It has two parts. On the *approach* the reference of each joint moves towards its command, within limits of velocity,
-//! acceleration and jerk. When all joints have come near their commands, commands are followed, and what is left of the
-//! difference *fades* over a fixed time, without a step in position, velocity or effort.
+//! acceleration and jerk. When all joints have come near their commands, commands are followed, and the remaining
+//! difference *fades*, without a step in position, velocity or effort.
+//!
+//! A command that keeps accelerating is never near. Therefore the limits of the approach rise after [`GENTLE_FOR`], and from
+//! then on it ends as soon as the difference can fade within [`LONGEST_FADE`].
 
 use super::limits::{JointLimits, JointSetpoint};
 use super::states::{HOLD_EFFORT_BLEND, Joint};
 
-/// Share of the limits that the approach uses: a drive overshoots its reference, and joints that turn round at once push
-/// one another.
+/// Share of the limits that the approach uses at first: a drive overshoots its reference, and joints that turn round at
+/// once push one another.
 const SHARE: f64 = 0.5;
+/// Share of the limits that the approach uses at last.
+const LAST_SHARE: f64 = 0.9;
+/// Time for which the approach keeps to [`SHARE`], s.
+const GENTLE_FOR: f64 = 0.7;
+/// Time in which its share of the limits rises to [`LAST_SHARE`], s.
+const RISES_FOR: f64 = 0.5;
+/// Longest time in which the remaining difference fades where the command was not met, s.
+const LONGEST_FADE: f64 = 1.0;
+/// Time within which commands are followed again unless they are too far away for the limits, s. A gate that takes longer
+/// is reported.
+pub const RESUME_WITHIN: f64 = 2.0;
 /// Time constant of the last part of the approach, s.
 const APPROACH: f64 = 0.08;
 /// Speed at which the reference gains on a near command, as a time at the acceleration of the approach, s. A controller
@@ -28,7 +42,7 @@ const EFFORT_BLEND: f64 = 0.5;
 const MET: f64 = 0.02;
 /// Time for which the setpoint must stay met, s.
 const MET_FOR: f64 = 0.01;
-/// Time in which the rest of the difference fades, s.
+/// Time in which the remaining difference fades where the command was met, s.
 const FADE: f64 = 0.1;
 /// Share of the acceleration limit that the fading may use.
 const FADE_SHARE: f64 = 0.25;
@@ -60,11 +74,8 @@ pub(super) struct Resume {
     met_for: f64,
     /// Time since the end of the approach, s; infinite where nothing fades.
     faded_for: f64,
-}
-
-/// Velocity and acceleration of the approach.
-fn rates(limits: &JointLimits) -> (f64, f64) {
-    (SHARE * limits.velocity, SHARE * limits.usual_acceleration())
+    /// Duration of the fading, s.
+    fade_time: f64,
 }
 
 impl Reference {
@@ -88,7 +99,13 @@ impl Reference {
     }
 
     /// Moves towards the command for `dt` s. A joint without a gain goes where it goes.
-    fn advance(&mut self, command: &JointSetpoint, limits: &JointLimits, joint: &Joint, dt: f64) {
+    fn advance(
+        &mut self,
+        command: &JointSetpoint,
+        (limits, share): (&JointLimits, f64),
+        joint: &Joint,
+        dt: f64,
+    ) {
         if command.kp == 0.0 {
             self.position = joint.position;
         }
@@ -96,7 +113,7 @@ impl Reference {
             (self.velocity, self.acceleration) = (joint.velocity, 0.0);
             return;
         }
-        let (fastest, largest) = rates(limits);
+        let (fastest, largest) = (share * limits.velocity, share * limits.usual_acceleration());
         let commanded = if command.kd > 0.0 { command.velocity } else { 0.0 };
         let distance = if command.kp > 0.0 { command.position - self.position } else { 0.0 };
         // Actuators with long periods have longer time constants, or they would swing from step to step.
@@ -126,17 +143,31 @@ impl Rest {
         }
     }
 
-    /// The rest at the share `s` of the fading: the quintic that begins at this difference and ends at none, at rest
-    /// in acceleration.
-    fn at(&self, s: f64) -> Self {
+    /// Shortest fading in which the difference changes by no more than these shares of the velocity limit and of the
+    /// acceleration limit, s. A joint that may not move at all has no say.
+    fn shortest_fade(&self, limits: &JointLimits, velocity_share: f64, acceleration_share: f64) -> f64 {
+        let (fastest, largest) =
+            (velocity_share * limits.velocity, acceleration_share * limits.usual_acceleration());
+        if fastest <= 0.0 || largest <= 0.0 {
+            return 0.0;
+        }
+        // A quintic accelerates by 5.8 times its height, and by about 4 times its slope, in units of its duration; its
+        // slope is at most 1.875 times its height.
+        let (height, slope) = (5.8 * self.position.abs() / largest, 2.0 * self.velocity.abs() / largest);
+        (slope + (slope * slope + height).sqrt()).max(1.875 * self.position.abs() / fastest)
+    }
+
+    /// The difference at the share `s` of a fading that lasts `duration` s: the quintic that begins at this difference
+    /// and ends at zero, without acceleration at either end.
+    fn faded(&self, s: f64, duration: f64) -> Self {
         let (s2, left) = (s * s, 1.0 - s);
         let height = 1.0 - s2 * s * (10.0 - 15.0 * s + 6.0 * s2);
         let slope = s - s2 * s * (6.0 - 8.0 * s + 3.0 * s2);
         let height_rate = -30.0 * s2 * left * left;
         let slope_rate = 1.0 - s2 * (18.0 - 32.0 * s + 15.0 * s2);
         Self {
-            position: self.position * height + self.velocity * FADE * slope,
-            velocity: self.position * height_rate / FADE + self.velocity * slope_rate,
+            position: self.position * height + self.velocity * duration * slope,
+            velocity: self.position * height_rate / duration + self.velocity * slope_rate,
             effort: self.effort * left,
         }
     }
@@ -150,6 +181,7 @@ impl Resume {
             elapsed: 0.0,
             met_for: 0.0,
             faded_for: f64::INFINITY,
+            fade_time: FADE,
         }
     }
 
@@ -179,7 +211,12 @@ impl Resume {
         for (rest, ((command, safe), reference)) in self.rests.iter_mut().zip(pairs) {
             *rest = Rest::of(reference.position, reference.velocity, safe.effort, command);
         }
-        self.faded_for = 0.0;
+        (self.faded_for, self.fade_time) = (0.0, FADE);
+    }
+
+    /// Share of the limits that the approach uses now.
+    fn share(&self) -> f64 {
+        SHARE + (LAST_SHARE - SHARE) * ((self.elapsed - GENTLE_FOR) / RISES_FOR).clamp(0.0, 1.0)
     }
 
     /// One joint's setpoint on the way to `command`; whether it is met.
@@ -191,8 +228,9 @@ impl Resume {
         joint: &Joint,
         dt: f64,
     ) -> (JointSetpoint, bool) {
+        let limit_share = self.share();
         let reference = &mut self.references[index];
-        reference.advance(command, limits, joint, dt);
+        reference.advance(command, (limits, limit_share), joint, dt);
         reference.effort *= (1.0 - dt / HOLD_EFFORT_BLEND).max(0.0);
         let share = (self.elapsed / EFFORT_BLEND).min(1.0);
         let setpoint = JointSetpoint {
@@ -206,15 +244,36 @@ impl Resume {
         (setpoint, effort && reference.meets(command, limits))
     }
 
-    /// Ends a step of `dt` s in which all joints were met, or not; whether the approach is over. The rest fades from then on.
-    pub(super) fn end_step(&mut self, all_met: bool, dt: f64) -> bool {
+    /// Ends a step of `dt` s in which all joints were met, or not. The remaining difference fades from the end of the
+    /// approach on. Returns true if the commands were met, and count as followed while it fades.
+    pub(super) fn end_step(&mut self, all_met: bool, limits: &[JointLimits], dt: f64) -> bool {
         self.elapsed += dt;
         self.met_for = if all_met { self.met_for + dt } else { 0.0 };
-        let is_over = self.met_for >= MET_FOR;
-        if is_over {
-            self.faded_for = 0.0;
+        if self.met_for >= MET_FOR {
+            (self.faded_for, self.fade_time) = (0.0, FADE);
+            return true;
         }
-        is_over
+        if self.elapsed >= GENTLE_FOR {
+            let shortest = |velocity_share: f64, acceleration_share: f64| {
+                let joints = self.rests.iter().zip(limits);
+                let times = joints
+                    .map(|(rest, limits)| rest.shortest_fade(limits, velocity_share, acceleration_share));
+                times.fold(FADE, f64::max)
+            };
+            let share = self.share();
+            let hard = shortest(LAST_SHARE, share);
+            if hard <= LONGEST_FADE {
+                self.fade_time = shortest(SHARE, FADE_SHARE).min(LONGEST_FADE).max(hard);
+                self.faded_for = 0.0;
+            }
+        }
+        false
+    }
+
+    /// True if it has lasted longer than [`RESUME_WITHIN`].
+    #[inline]
+    pub(super) fn is_late(&self) -> bool {
+        self.elapsed > RESUME_WITHIN
     }
 
     /// True if something has not faded yet.
@@ -226,12 +285,13 @@ impl Resume {
     /// Adds to the commands what has not faded, `dt` s after the step before.
     pub(super) fn fade(&mut self, commands: &mut [JointSetpoint], dt: f64) {
         self.faded_for += dt;
-        if self.faded_for >= FADE {
+        self.elapsed += dt;
+        if self.faded_for >= self.fade_time {
             self.faded_for = f64::INFINITY;
             return;
         }
         for (command, rest) in commands.iter_mut().zip(&self.rests) {
-            let rest = rest.at(self.faded_for / FADE);
+            let rest = rest.faded(self.faded_for / self.fade_time, self.fade_time);
             if command.kp > 0.0 {
                 command.position += rest.position;
             }
@@ -250,7 +310,7 @@ mod tests {
     #[test]
     fn what_is_left_fades_without_a_step_and_its_velocity_is_its_derivative() {
         let rest = Rest { position: 3e-3, velocity: -0.04, effort: 1.7 };
-        let (begin, end) = (rest.at(0.0), rest.at(1.0));
+        let (begin, end) = (rest.faded(0.0, FADE), rest.faded(1.0, FADE));
         assert_eq!(begin, rest);
         for left in [end.position, end.velocity, end.effort] {
             assert!(left.abs() < 1e-15, "{end:?}");
@@ -259,7 +319,8 @@ mod tests {
         let mut hardest = 0.0_f64;
         for step in 1..10_000 {
             let s = f64::from(step) * h;
-            let (before, now, after) = (rest.at(s - h), rest.at(s), rest.at(s + h));
+            let (before, now, after) =
+                (rest.faded(s - h, FADE), rest.faded(s, FADE), rest.faded(s + h, FADE));
             let slope = (after.position - before.position) / (2.0 * h * FADE);
             assert!((slope - now.velocity).abs() < 1e-7, "at {s}: {slope} and {}", now.velocity);
             hardest = hardest.max(((after.velocity - before.velocity) / (2.0 * h * FADE)).abs());

@@ -49,7 +49,7 @@ impl Joint {
 ///
 /// | state | position | gains | feed-forward |
 /// |---|---|---|---|
-/// | `hold` | of this moment; with an acceleration limit, where 0.7 times that brings the joint to rest | of the last command, or those of the safe states | gravity |
+/// | `hold` | of this moment; with an acceleration limit, where 0.7 times that brings the joint to rest | the larger of the last command's and the profile's, for each of `kp` and `kd` | gravity |
 /// | `damp` | none | `kd` of the safe states | none |
 /// | `zero_torque` | none | none | none |
 /// | `brake` | none, then where the joint has come to stand | 10^6 N m s/rad, then those of the safe states | gravity |
@@ -66,9 +66,10 @@ impl Joint {
 pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &JointSetpoint) -> JointSetpoint {
     let none = JointSetpoint { position: joint.position, ..JointSetpoint::default() };
     match state {
-        // With gravity compensation, or soft gains would let the arm sag.
+        // With gravity compensation, or the arm would sag; and never softer than the profile, since a compliant
+        // controller's gains may be too low to stop the arm.
         SafeState::Hold => {
-            let (kp, kd) = if last.kp > 0.0 { (last.kp, last.kd) } else { (limits.kp, limits.kd) };
+            let (kp, kd) = (last.kp.max(limits.kp), last.kd.max(limits.kd));
             let velocity = if limits.acceleration.is_finite() { joint.velocity } else { 0.0 };
             JointSetpoint { velocity, effort: joint.gravity, kp, kd, ..none }
         }
@@ -78,8 +79,10 @@ pub fn enter(state: SafeState, joint: &Joint, limits: &JointLimits, last: &Joint
     }
 }
 
-/// The setpoint of a step in a safe state, `dt` s after `setpoint`: `hold` brings a moving joint to rest within its range
-/// and its feed-forward to that against gravity; `brake` holds a joint once it stands.
+/// Returns the setpoint of a step in a safe state, `dt` s after `setpoint`.
+///
+/// `hold` brings a moving joint to rest within its range, and its feed-forward to the gravity at the measured pose.
+/// `brake` compensates gravity and holds a joint once it stands.
 pub fn stay(
     state: SafeState,
     joint: &Joint,
@@ -105,9 +108,10 @@ pub fn stay(
             JointSetpoint { position, velocity, ..*setpoint }
         }
         SafeState::Brake if setpoint.kp == 0.0 && joint.velocity.abs() < STANDS => {
-            let (position, kp, kd) = (joint.position, limits.kp, limits.kd);
-            JointSetpoint { position, kp, kd, ..*setpoint }
+            let (position, effort, kp, kd) = (joint.position, joint.gravity, limits.kp, limits.kd);
+            JointSetpoint { position, effort, kp, kd, ..*setpoint }
         }
+        SafeState::Brake => JointSetpoint { effort: joint.gravity, ..*setpoint },
         _ => *setpoint,
     }
 }

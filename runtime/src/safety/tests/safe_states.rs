@@ -64,12 +64,15 @@ fn each_safe_state_is_entered_by_its_law() {
         let JointSetpoint { position, velocity, effort, kp, kd, .. } = enter(state, &joint, limits, &last);
         (position, velocity, effort, kp, kd)
     };
-    assert_eq!(law(SafeState::Hold), (0.3, 0.0, 21.0, 100.0, 5.0));
+    assert_eq!(law(SafeState::Hold), (0.3, 0.0, 21.0, 600.0, 40.0), "never softer than the profile");
     assert_eq!(law(SafeState::Damp), (0.3, 0.0, 0.0, 0.0, 40.0));
     assert_eq!(law(SafeState::ZeroTorque), (0.3, 0.0, 0.0, 0.0, 0.0));
     assert_eq!(law(SafeState::Brake), (0.3, 0.0, 21.0, 0.0, 1e6));
     let braked = enter(SafeState::Brake, &Joint { velocity: 1.0, ..joint }, limits, &last);
     assert_eq!(stay(SafeState::Brake, &Joint { velocity: 0.5, ..joint }, limits, &braked, DT), braked);
+    let stiff = JointSetpoint { kp: 1_000.0, kd: 5.0, ..JointSetpoint::default() };
+    let held = enter(SafeState::Hold, &joint, limits, &stiff);
+    assert_eq!((held.kp, held.kd), (1_000.0, 40.0), "each gain is the larger of the two");
     let stands = stay(SafeState::Brake, &Joint { position: 0.4, ..joint }, limits, &braked, DT);
     assert_eq!((stands.position, stands.kp, stands.kd, stands.effort), (0.4, 600.0, 40.0, 21.0));
 }
@@ -81,4 +84,77 @@ fn a_reading_that_is_not_a_number_is_never_held() {
     arm.silence();
     assert_eq!(arm.gate.setpoints()[0].position, 0.5, "the last setpoint");
     assert_eq!(arm.gate.setpoints()[0].velocity, 0.0);
+}
+
+/// A joint with inertia that a drive moves against gravity.
+struct Pendulum {
+    q: f64,
+    v: f64,
+}
+
+impl Pendulum {
+    const INERTIA: f64 = 0.6;
+
+    fn gravity(q: f64) -> f64 {
+        30.0 * q.cos()
+    }
+
+    fn step(&mut self, setpoint: &JointSetpoint) {
+        for _ in 0..10 {
+            let effort = setpoint.effort_at(self.q, self.v, 87.0);
+            self.v += (effort - Self::gravity(self.q)) / Self::INERTIA * DT * 0.1;
+            self.q += self.v * DT * 0.1;
+        }
+    }
+}
+
+#[test]
+fn hold_stops_a_moving_joint_whatever_its_last_gains() {
+    let mut random = 7_u64;
+    let mut uniform = || {
+        random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    for case in 0..200 {
+        let (kp, kd) = (10_f64.powf(-6.0 + 9.0 * uniform()), 100.0 * uniform());
+        let mut joint = Pendulum { q: -1.0 + 2.0 * uniform(), v: -2.0 + 4.0 * uniform() };
+        let rules =
+            GateRules { safe_state: SafeState::Hold, limits: LimitPolicy::Clamp, resume: ResumeRule::AtOnce };
+        let mut gate = Gate::new(vec![limits()[0].clone()], rules);
+        let mut command = JointCommand::default();
+        command.set_count(1);
+        (command.kp_mut()[0], command.kd_mut()[0]) = (kp, kd);
+        for step in 0..1_010 {
+            let (position, velocity) = ([joint.q], [joint.v]);
+            let mut gravity = |effort: &mut [f64]| effort[0] = Pendulum::gravity(position[0]);
+            let measured = Measured { position: &position, velocity: &velocity, gravity: &mut gravity };
+            if step < 10 {
+                command.position_mut()[0] = joint.q + 0.1;
+                command.velocity_mut()[0] = joint.v;
+                command.effort_mut()[0] = Pendulum::gravity(joint.q);
+                let offer = Offer { command: &command, is_new: true, ahead: DT };
+                gate.offer(offer, measured, DT, &Book::default());
+            } else {
+                gate.make_safe(measured, DT);
+            }
+            joint.step(&gate.setpoints()[0]);
+        }
+        assert!(joint.v.abs() < REST_SPEED, "case {case}: kp {kp}, kd {kd}: {} rad/s", joint.v);
+        assert!(gate.is_safe_state_reached());
+    }
+}
+
+#[test]
+fn hold_that_does_not_hold_is_never_reached() {
+    let mut arm = Arm::following();
+    for step in 0..1_500 {
+        // Something outside of the gate keeps moving the joint.
+        (arm.position[0], arm.velocity[0]) = (0.5 + 0.3 * f64::from(step) * DT, 0.3);
+        arm.silence();
+        arm.velocity[0] = 0.3;
+    }
+    assert!(!arm.gate.is_safe_state_reached());
+    arm.offer(&command([0.95, -0.5], [0.0; 2]));
+    arm.silence();
+    assert!(arm.gate.is_safe_state_reached(), "it has just been entered again");
 }

@@ -23,14 +23,21 @@ fn return_to(arm: &mut Arm, goal: &JointCommand) -> ([f64; 2], [f64; 2], usize) 
 }
 
 #[test]
-fn after_an_outage_a_far_setpoint_is_approached_at_half_the_limits_and_then_followed() {
+fn a_far_setpoint_is_approached_within_the_limits() {
     let mut arm = Arm::following();
     arm.silence();
     let goal = command([-1.5, 1.0], [0.0; 2]);
+    for _ in 0..700 {
+        let before = arm.gate.setpoints().to_vec();
+        assert_eq!(arm.offer(&goal), Verdict::Resuming);
+        for (now, before) in arm.gate.setpoints().iter().zip(before) {
+            assert!((now.position - before.position).abs() / DT <= 1.0 + 1e-9, "half of the limit at first");
+        }
+    }
     let (fastest, hardest, steps) = return_to(&mut arm, &goal);
-    assert!(fastest[0] <= 1.0 + 1e-9 && fastest[1] <= 1.0 + 1e-9, "{fastest:?}");
-    assert!(hardest[0] <= 3.75 + 1e-9 && hardest[1] <= 6.25 + 1e-9, "{hardest:?}");
-    assert!((2_000..4_000).contains(&steps), "2 rad at 1 rad/s took {steps} ms");
+    assert!(fastest[0] <= 2.0 + 1e-9 && fastest[1] <= 2.0 + 1e-9, "{fastest:?}");
+    assert!(hardest[0] <= 7.5 + 1e-9 && hardest[1] <= 12.5 + 1e-9, "{hardest:?}");
+    assert!((500..2_000).contains(&steps), "{steps} ms for the rest of 2 rad");
     assert_eq!(arm.gate.state(), GateState::Following);
     let there = arm.gate.setpoints()[0].position;
     assert!((there + 1.5).abs() < 3e-3, "{there}");
@@ -185,4 +192,96 @@ fn the_way_back_from_a_joint_that_still_brakes_begins_without_a_jump_of_its_effo
         before = effort;
     }
     assert!((before - 21.0).abs() < 0.01, "{before}");
+}
+
+/// A sine at `share` of the acceleration limit of the first joint, sampled every `hold` ms and extrapolated in between.
+fn resumes_to_a_sine(hertz: f64, share: f64, hold: usize, silent: usize) -> (usize, usize) {
+    let omega = core::f64::consts::TAU * hertz;
+    let amplitude = (share * 7.5 / (omega * omega)).min(share * 2.0 / omega);
+    let goal = |step: usize| {
+        let phase = omega * step as f64 * DT;
+        command([amplitude * phase.sin(), -0.5], [amplitude * omega * phase.cos(), 0.0])
+    };
+    let mut arm = arm();
+    arm.position = [0.0, -0.5];
+    let (mut longest, mut resuming, mut following) = (0, 0, 0);
+    let mut newest = goal(0);
+    for step in 0..10_000 {
+        let is_new = step % hold == 0;
+        if is_new {
+            newest = goal(step);
+        }
+        let mut gravity = |effort: &mut [f64]| effort.copy_from_slice(&GRAVITY);
+        let measured = Measured { position: &arm.position, velocity: &arm.velocity, gravity: &mut gravity };
+        let is_silent = (4_000..4_000 + silent).contains(&step);
+        if is_silent {
+            arm.gate.make_safe(measured, DT);
+        } else {
+            let ahead = hold as f64 * DT;
+            arm.gate.offer(Offer { command: &newest, is_new, ahead }, measured, DT, &arm.book);
+        }
+        arm.move_on();
+        match arm.gate.state() {
+            GateState::Resuming => resuming += 1,
+            state => {
+                (resuming, following) = (0, if state == GateState::Following { following + 1 } else { 0 })
+            }
+        }
+        longest = longest.max(resuming);
+    }
+    (longest, following)
+}
+
+#[test]
+fn resuming_ends_within_two_seconds_for_fast_motion() {
+    for (hertz, share) in [(0.3, 0.6), (0.5, 0.9), (1.0, 0.5), (1.0, 0.8), (2.0, 0.6), (2.0, 0.9), (4.0, 0.9)]
+    {
+        for (hold, silent) in
+            [(1, 1), (1, 12), (2, 60), (5, 15), (10, 300), (20, 20), (20, 1_000), (20, 3_000)]
+        {
+            let (longest, following) = resumes_to_a_sine(hertz, share, hold, silent);
+            let case =
+                format!("{hertz} Hz at {share} of the limits, new every {hold} ms, silent for {silent} ms");
+            assert!(longest <= (RESUME_WITHIN / DT) as usize, "{case}: resuming for {longest} ms");
+            assert!(following > 900, "{case}: following for the last {following} ms");
+        }
+    }
+}
+
+#[test]
+fn a_joint_that_may_not_move_has_a_braking_band() {
+    let mut joints = limits();
+    joints[0].velocity = 0.0;
+    let rules =
+        GateRules { safe_state: SafeState::Hold, limits: LimitPolicy::Clamp, resume: ResumeRule::Near };
+    let mut gate = Gate::new(joints, rules);
+    let mut gravity = |effort: &mut [f64]| effort.fill(0.0);
+    for q in [-2.0, 0.0, 1.9, 2.0] {
+        let measured = Measured { position: &[q, 0.0], velocity: &[0.0; 2], gravity: &mut gravity };
+        gate.make_safe(measured, DT);
+        let setpoint = gate.setpoints()[0];
+        assert!(setpoint.min_velocity < 0.0 && setpoint.max_velocity > 0.0, "{setpoint:?}");
+        assert!(setpoint.min_velocity >= -1e-3 && setpoint.max_velocity <= 1e-3, "{setpoint:?}");
+    }
+}
+
+#[test]
+fn a_drive_without_an_effort_limit_keeps_its_velocity_limit() {
+    for push in [
+        JointSetpoint { effort: 20.0, ..JointSetpoint::default() },
+        JointSetpoint { effort: -20.0, ..JointSetpoint::default() },
+        JointSetpoint { position: 1e3, kp: 10.0, ..JointSetpoint::default() },
+        JointSetpoint { velocity: 50.0, kd: 3.0, ..JointSetpoint::default() },
+    ] {
+        let push = JointSetpoint { min_velocity: -2.0, max_velocity: 2.0, ..push };
+        let (mut q, mut v, mut fastest) = (0.0, 0.0, 0.0_f64);
+        for _ in 0..20_000 {
+            v += push.effort_at(q, v, f64::INFINITY) / 0.06 * 1e-5;
+            q += v * 1e-5;
+            fastest = fastest.max(f64::abs(v));
+        }
+        assert!((1.9..2.1).contains(&fastest), "{push:?}: {fastest} rad/s");
+        let free = JointSetpoint { min_velocity: f64::NEG_INFINITY, max_velocity: f64::INFINITY, ..push };
+        assert_eq!(push.effort_at(0.0, 1.5, f64::INFINITY), free.effort_at(0.0, 1.5, f64::INFINITY));
+    }
 }

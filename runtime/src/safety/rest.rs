@@ -1,0 +1,55 @@
+//! Rest: the check that a safe state brought the robot to a standstill.
+
+use crate::plan::SafeState;
+
+/// Speed below which a joint counts as at rest, rad/s or m/s.
+pub const REST_SPEED: f64 = 0.05;
+/// Time in which `hold` and `brake` bring every joint to rest, s. A joint that is faster after it has not reached its safe
+/// state.
+pub const REST_WITHIN: f64 = 1.0;
+
+/// Time in a safe state, and the joints that are still moving.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Rest {
+    elapsed: f64,
+    moves: bool,
+}
+
+impl Rest {
+    /// Notes a step of `dt` s in a safe state, with the joints at these velocities.
+    ///
+    /// A velocity that is not finite is unknown, and an unknown joint is not at rest.
+    pub(super) fn step(&mut self, state: SafeState, velocity: &[f64], dt: f64, entered: bool) {
+        self.elapsed = if entered { 0.0 } else { self.elapsed + dt };
+        let stops = matches!(state, SafeState::Hold | SafeState::Brake);
+        self.moves = stops && velocity.iter().any(|velocity| !(velocity.abs() < REST_SPEED));
+    }
+
+    /// False where a joint still moves after [`REST_WITHIN`]. `damp` and `zero_torque` let joints move, and are reached at
+    /// their entry.
+    pub(super) fn is_reached(&self) -> bool {
+        !self.moves || self.elapsed < REST_WITHIN
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_joint_that_moves_after_a_second_has_not_reached_hold() {
+        let mut rest = Rest::default();
+        rest.step(SafeState::Hold, &[0.0, 1.5], 1e-3, true);
+        assert!(rest.is_reached(), "it is braking");
+        for _ in 0..1_001 {
+            rest.step(SafeState::Hold, &[0.0, 1.5], 1e-3, false);
+        }
+        assert!(!rest.is_reached());
+        rest.step(SafeState::Hold, &[0.0, 0.049], 1e-3, false);
+        assert!(rest.is_reached(), "at rest, if late");
+        rest.step(SafeState::Hold, &[0.0, f64::NAN], 1e-3, false);
+        assert!(!rest.is_reached(), "an unknown speed is not rest");
+        rest.step(SafeState::Damp, &[0.0, 1.5], 1e-3, false);
+        assert!(rest.is_reached(), "`damp` lets joints move");
+    }
+}
