@@ -60,9 +60,11 @@ impl<T: Clone + PartialEq> Told<T> {
 struct Account {
     misses: Told<[u64; 3]>,
     refused: Told<[u64; Refusal::ALL.len()]>,
-    /// Entries into the safe state, and whether it was told to be in it.
+    /// Entries into the safe state, and the state, as they were reported.
     entries: u64,
-    follows: bool,
+    state: GateState,
+    /// Safe states without rest and late resumes, as they were reported.
+    faults: [u32; 2],
     /// Refusals at the last look.
     refusals_seen: u64,
     /// Changes of its state that may still be told before a pause: a gate that flaps would push out all else.
@@ -95,7 +97,7 @@ impl Accounts {
     pub(super) fn begin_episode(&mut self) {
         for account in &mut self.components {
             // The reset has set it to its safe state, without a command.
-            account.follows = false;
+            account.state = GateState::Safe;
             account.misses.pause = Pause::default();
             account.refused.pause = Pause::default();
             (account.changes_left, account.refilled_ns) = (CHANGES, 0);
@@ -166,17 +168,24 @@ impl Account {
         let refusals: u64 = refusals.iter().fold(0, |sum, count| sum.saturating_add(*count));
         let refuses = refusals > core::mem::replace(&mut self.refusals_seen, refusals);
         let entries = block.gate.entries();
-        let follows = block.gate.state() != GateState::Safe;
-        if (entries, follows) == (self.entries, self.follows) || !(self.may_tell(now_ns) || all) {
+        let state = block.gate.state();
+        let faults = gate_faults(block);
+        let before = core::mem::replace(&mut self.faults, faults);
+        for ((count, before), fault) in faults.iter().zip(before).zip(GATE_FAULTS) {
+            if *count > before {
+                observe(Event::Warning(&format!("`{component}` {fault}")));
+            }
+        }
+        if (entries, state) == (self.entries, self.state) || !(self.may_tell(now_ns) || all) {
             return;
         }
         let times = entries.saturating_sub(self.entries);
-        let followed = core::mem::replace(&mut self.follows, follows);
+        let followed = core::mem::replace(&mut self.state, state) != GateState::Safe;
         self.entries = entries;
         // It came and went between two looks.
         let since_ns = block.safe_since_ns.load(Relaxed);
         if !followed && times > 0 {
-            observe(Event::LeftSafeState { component, before_ns: Some(since_ns) });
+            observe(Event::LeftSafeState { component, before_ns: Some(since_ns), resuming: false });
         }
         if times > 0 {
             let is_end = region.header().command() as u32 > Command::Run as u32;
@@ -184,8 +193,9 @@ impl Account {
             let cause = cause(latch, is_end, refuses);
             observe(Event::EnteredSafeState { component, times, cause, is_end, since_ns });
         }
-        if follows {
-            observe(Event::LeftSafeState { component, before_ns: None });
+        if state != GateState::Safe {
+            let resuming = state == GateState::Resuming;
+            observe(Event::LeftSafeState { component, before_ns: None, resuming });
         }
     }
 
@@ -197,6 +207,17 @@ impl Account {
         self.changes_left -= u32::from(may);
         may
     }
+}
+
+/// Faults of a gate that its actuator counts, in the order of [`gate_faults`].
+const GATE_FAULTS: [&str; 2] = [
+    "is not at rest 1 s after it entered its safe state",
+    "has been resuming for more than 2 s: its command is too far away, or too fast for its limits",
+];
+
+/// Safe states in which the joints were not at rest in time, and resumes that took too long.
+fn gate_faults(block: &ComponentBlock) -> [u32; 2] {
+    [block.gate.unsettled(), block.gate.late_resumes()]
 }
 
 /// The reason for which an actuator entered its safe state.
@@ -214,6 +235,25 @@ impl Launch {
     /// Tells of misses, refusals and safe states since the last call.
     pub(super) fn tell_accounts(&mut self, now_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
         self.accounts.tell((&self.plan, &self.region), now_ns, false, observe);
+    }
+
+    /// Notes for the report which actuators did not come to rest in their safe state, and which were late to follow their
+    /// commands again.
+    pub(super) fn note_gates(&mut self) {
+        for (component, block) in self.plan.components.iter().zip(self.region.components()) {
+            let name = &component.name;
+            let [unsettled, late] = gate_faults(block);
+            if unsettled > 0 {
+                self.warnings.push(format!(
+                    "`{name}` did not come to rest in its safe state within 1 s, {unsettled}x"
+                ));
+            } else if block.gate.moves() {
+                self.warnings.push(format!("`{name}` was not at rest in its safe state at the end"));
+            }
+            if late > 0 {
+                self.warnings.push(format!("`{name}` was resuming for more than 2 s, {late}x"));
+            }
+        }
     }
 
     /// The same in lockstep, when simulated time has come to a look.

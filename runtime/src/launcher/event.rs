@@ -94,12 +94,14 @@ pub enum Event<'a> {
         /// Time of the last entry, `CLOCK_MONOTONIC` ns.
         since_ns: u64,
     },
-    /// An actuator follows its commands.
+    /// An actuator left its safe state: it follows its commands, or is resuming.
     LeftSafeState {
         /// The actuator.
         component: &'a str,
         /// Time by which it did, `CLOCK_MONOTONIC` ns, if it is in its safe state again; else it does now.
         before_ns: Option<u64>,
+        /// True if it does not follow its commands yet, but approaches them at limited rates.
+        resuming: bool,
     },
     /// The graph goes to its safe state.
     SafeStop {
@@ -117,6 +119,8 @@ pub enum Event<'a> {
         dead: &'a [&'a str],
         /// Living ones that did not report their safe state in time.
         late: &'a [&'a str],
+        /// Those that apply it, and whose joints are not at rest.
+        moving: &'a [&'a str],
         /// Those in their safe state.
         safe: &'a [&'a str],
     },

@@ -200,6 +200,7 @@ fn describe_safety(
                 let after = (since_ns - noticed) as f64 * 1e-6;
                 format!("`{name}` in its safe state ({state}) {after:.1} ms after")
             }
+            Reached::Moving => format!("`{name}` in its safe state ({state}), and not at rest"),
             Reached::Not => format!("`{name}` did not reach its safe state"),
             Reached::Dead => format!("`{name}` was not there to reach its safe state"),
         });

@@ -210,6 +210,9 @@ impl Launch {
         observe(Event::Ending(&exit));
         self.end(observe);
         self.tell_last_accounts(observe);
+        if start != 0 {
+            self.note_gates();
+        }
         let mut report = self.report(exit, simulated);
         report.cores = cores.unwrap_or_default();
         report.realtime_factor = simulated as f64 / wall.max(1) as f64;

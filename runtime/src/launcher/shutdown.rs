@@ -145,6 +145,8 @@ pub(super) enum Reached {
         /// Time at which it entered it, ns.
         since_ns: u64,
     },
+    /// It applies its safe state, and joints still move that should be at rest in it.
+    Moving,
     /// It lives, and has not said so.
     Not,
     /// It has no process, or has failed: its last words tell nothing.
@@ -160,6 +162,7 @@ impl Reached {
             // Killed: its phase is that of its last moment.
             Phase::Running if ended => Self::Dead,
             // One that has stayed there for the settling time may have left by itself.
+            Phase::Running | Phase::Stopped if is_safe && block.gate.moves() => Self::Moving,
             Phase::Running | Phase::Stopped if is_safe => {
                 Self::Safe { since_ns: block.safe_since_ns.load(Relaxed) }
             }
@@ -205,7 +208,8 @@ impl Launch {
         actuators.iter().copied().zip(actuators.iter().copied().map(reached)).collect()
     }
 
-    /// Time from `noticed` until the last actuator was in its safe state; `None` unless all live and are.
+    /// Time from `noticed` until the last actuator was in its safe state; `None` unless all live, are, and do not move
+    /// any more.
     fn all_actuators_safe_since(&mut self, noticed: u64) -> Option<u64> {
         let mut last = noticed;
         let actuators = self.actuators(noticed);
@@ -225,9 +229,10 @@ impl Launch {
         };
         let dead = names(|reached| matches!(reached, Reached::Dead));
         let late = names(|reached| matches!(reached, Reached::Not));
+        let moving = names(|reached| matches!(reached, Reached::Moving));
         let safe = names(|reached| matches!(reached, Reached::Safe { .. }));
         if !actuators.is_empty() {
-            observe(Event::NotSafe { dead: &dead, late: &late, safe: &safe });
+            observe(Event::NotSafe { dead: &dead, late: &late, moving: &moving, safe: &safe });
         }
     }
 

@@ -124,7 +124,9 @@ pub struct GateBlock {
     state: AtomicU32,
     latch: AtomicU32,
     joints: AtomicU32,
-    reserved: AtomicU32,
+    moves: AtomicU32,
+    unsettled: AtomicU32,
+    late_resumes: AtomicU32,
     entries: AtomicU64,
     refused: [AtomicU64; Refusal::ALL.len()],
     limited: [[AtomicU64; LimitKind::ALL.len()]; MAX_JOINTS],
@@ -150,6 +152,36 @@ impl GateBlock {
         }
         self.state.store(state as u32, Relaxed);
         self.latch.store(latch.map_or(0, |latch| latch as u32), Relaxed);
+    }
+
+    /// Notes whether joints still move in a safe state that should bring them to rest.
+    pub fn set_moves(&self, moves: bool) {
+        self.moves.store(u32::from(moves), Relaxed);
+    }
+
+    /// Counts a safe state in which the joints were not at rest in time.
+    pub fn count_unsettled(&self) {
+        self.unsettled.fetch_add(1, Relaxed);
+    }
+
+    /// Counts a resume that took longer than it may.
+    pub fn count_late_resume(&self) {
+        self.late_resumes.fetch_add(1, Relaxed);
+    }
+
+    /// True while joints still move in a safe state that should bring them to rest.
+    pub fn moves(&self) -> bool {
+        self.moves.load(Relaxed) != 0
+    }
+
+    /// Number of safe states in which the joints were not at rest in time.
+    pub fn unsettled(&self) -> u32 {
+        self.unsettled.load(Relaxed)
+    }
+
+    /// Number of resumes that took longer than [`RESUME_WITHIN`](crate::safety::RESUME_WITHIN).
+    pub fn late_resumes(&self) -> u32 {
+        self.late_resumes.load(Relaxed)
     }
 
     /// Goes back to the safe state without an entry, since no command has been applied in the new episode.

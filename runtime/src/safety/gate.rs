@@ -204,13 +204,18 @@ impl Gate {
             }
         }
         self.bound_velocities(position);
-        self.rest.step(state, measured.velocity, dt, entered);
+        self.rest.step(state, (measured.velocity, &self.joints), dt, entered);
         Verdict::Safe { state, entered }
+    }
+
+    /// True while a joint moves that the safe state should bring to rest.
+    pub fn is_moving_in_safe_state(&self) -> bool {
+        self.state == GateState::Safe && self.rest.moves()
     }
 
     /// True unless a joint still moves although its safe state should have brought it to rest.
     pub fn is_safe_state_reached(&self) -> bool {
-        self.rest.is_reached()
+        self.state != GateState::Safe || self.rest.is_reached()
     }
 
     /// Sets the velocities beyond which the drives brake, from where the joints are.

@@ -28,6 +28,7 @@ struct Member {
     good: Cell<bool>,
     state: Cell<GateState>,
     latch: Cell<Option<Latch>>,
+    moves: Cell<bool>,
 }
 
 impl Group {
@@ -40,6 +41,7 @@ impl Group {
                 good: Cell::new(false),
                 state: Cell::new(GateState::Safe),
                 latch: Cell::new(None),
+                moves: Cell::new(false),
             };
             first += count;
             member
@@ -74,6 +76,7 @@ impl Group {
         gate.good.set(false);
         gate.state.set(GateState::Safe);
         gate.latch.set(None);
+        gate.moves.set(false);
         self.go_on_ns.set(None);
         self.went_on.set(false);
     }
@@ -95,6 +98,12 @@ impl Group {
         let states = self.gates.iter().map(|gate| gate.state.get());
         let safest = states.min_by_key(|state| *state as u32).unwrap_or(state);
         (safest, self.gates.iter().find_map(|gate| gate.latch.get()))
+    }
+
+    /// Notes whether the robot of a gate still moves in its safe state; returns whether any does.
+    pub(super) fn show_moves(&self, place: usize, moves: bool) -> bool {
+        self.gates[place].moves.set(moves);
+        self.gates.iter().any(|gate| gate.moves.get())
     }
 
     /// Number of a gate's first joint among those of the actuator.

@@ -99,7 +99,7 @@ impl JointSetpoint {
     ///
     /// where `high(v)` is the effort limit up to `max_velocity` and falls from there to the negative effort limit over a
     /// twentieth of the larger of both velocities; `low(v)` likewise. Nothing accelerates a joint beyond that. A drive
-    /// without an effort limit brakes with the largest effort that its command requests between the two velocities.
+    /// without an effort limit brakes with the largest effort that its command requests up to twice these velocities.
     ///
     /// ```
     /// use motorium::safety::JointSetpoint;
@@ -120,12 +120,12 @@ impl JointSetpoint {
         if wanted.is_nan() { 0.0 } else { wanted.max(low).min(high) }
     }
 
-    /// Largest effort that the command requests at position `q` within its velocities: the braking effort of a drive
-    /// without an effort limit, whose commands it leaves alone there.
+    /// Largest effort that the command requests at position `q` up to twice its velocities: the braking effort of a drive
+    /// without an effort limit, whose commands it leaves alone up to its velocity limit.
     #[cold]
     fn braking_effort(&self, q: f64) -> f64 {
         let still = self.kp * (self.position - q) + self.kd * self.velocity + self.effort;
-        let requested = |v: f64| (still - self.kd * v).abs();
+        let requested = |v: f64| (still - 2.0 * self.kd * v).abs();
         requested(self.min_velocity).max(requested(self.max_velocity))
     }
 }

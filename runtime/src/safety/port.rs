@@ -20,6 +20,19 @@ use crate::transport::Input;
 /// Lines of each part of a gate's memory that are fetched before a step: those of the largest arm.
 const GATE_LINES: usize = 12;
 
+/// The state of a gate as the control block shows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Shown {
+    state: GateState,
+    latch: Option<Latch>,
+    /// Joints move that the safe state should bring to rest.
+    moves: bool,
+    /// They still do when they should be at rest.
+    unsettled: bool,
+    /// It has been resuming for too long.
+    late: bool,
+}
+
 /// The gate through which the commands of an actuator pass, at every step.
 ///
 /// A command is applied only while it is fresh, valid and within the limits, and the run is neither stopping nor latched,
@@ -73,7 +86,7 @@ pub struct CommandGate {
     stepped_ns: u64,
     /// Time of the last step in which a command was checked, ns: a step counts as one miss, however many periods it makes up for.
     checked_ns: u64,
-    shown: Option<(GateState, Option<Latch>)>,
+    shown: Option<Shown>,
     /// Its memory is noted among the lines that a step needs first.
     is_noted: bool,
     /// The gates of the same actuator, and this one's place among them.
@@ -334,11 +347,17 @@ impl CommandGate {
         let safe = matches!(verdict, Verdict::Safe { .. });
         let state = if safe { GateState::Safe } else { self.gate.state() };
         let latch = latch.or((self.gate.is_latched() || self.tripped).then_some(Latch::SafeState));
-        let show = Some((state, latch));
-        if self.shown != show {
-            self.shown = show;
+        let shown = Shown {
+            state,
+            latch,
+            moves: self.gate.is_moving_in_safe_state(),
+            unsettled: !self.gate.is_safe_state_reached(),
+            late: self.gate.is_resuming_late(),
+        };
+        if self.shown != Some(shown) {
+            let before = self.shown.replace(shown);
             self.note_first_lines();
-            self.write(state, latch, verdict);
+            self.write(shown, before, verdict);
         }
     }
 
@@ -356,9 +375,17 @@ impl CommandGate {
     /// Writes the state into the control block.
     #[cold]
     #[inline(never)]
-    fn write(&self, state: GateState, latch: Option<Latch>, verdict: Verdict) {
+    fn write(&self, shown: Shown, before: Option<Shown>, verdict: Verdict) {
         let block = self.context.block();
-        let (state, latch) = self.group.show(self.place, state, latch);
+        let (state, latch) = self.group.show(self.place, shown.state, shown.latch);
+        // Before the state, so that nobody finds it reached too early.
+        block.gate.set_moves(self.group.show_moves(self.place, shown.moves));
+        if shown.unsettled && !before.is_some_and(|before| before.unsettled) {
+            block.gate.count_unsettled();
+        }
+        if shown.late && !before.is_some_and(|before| before.late) {
+            block.gate.count_late_resume();
+        }
         block.gate.set(state, latch);
         // Of this process: its predecessor may have been killed in the safe state and left the flag set.
         if let Verdict::Safe { entered: true, .. } = verdict {

@@ -1,5 +1,6 @@
 //! Rest: the check that a safe state brought the robot to a standstill.
 
+use super::limits::JointLimits;
 use crate::plan::SafeState;
 
 /// Speed below which a joint counts as at rest, rad/s or m/s.
@@ -19,10 +20,23 @@ impl Rest {
     /// Notes a step of `dt` s in a safe state, with the joints at these velocities.
     ///
     /// A velocity that is not finite is unknown, and an unknown joint is not at rest.
-    pub(super) fn step(&mut self, state: SafeState, velocity: &[f64], dt: f64, entered: bool) {
+    pub(super) fn step(
+        &mut self,
+        state: SafeState,
+        (velocity, joints): (&[f64], &[JointLimits]),
+        dt: f64,
+        entered: bool,
+    ) {
         self.elapsed = if entered { 0.0 } else { self.elapsed + dt };
         let stops = matches!(state, SafeState::Hold | SafeState::Brake);
-        self.moves = stops && velocity.iter().any(|velocity| !(velocity.abs() < REST_SPEED));
+        // A joint without a gain is not held: a rotor, or a pole that swings freely.
+        let mut held = velocity.iter().zip(joints).filter(|(_, joint)| joint.kp > 0.0);
+        self.moves = stops && held.any(|(velocity, _)| !(velocity.abs() < REST_SPEED));
+    }
+
+    /// True while a joint moves that the safe state should bring to rest.
+    pub(super) fn moves(&self) -> bool {
+        self.moves
     }
 
     /// False where a joint still moves after [`REST_WITHIN`]. `damp` and `zero_torque` let joints move, and are reached at
@@ -38,18 +52,23 @@ mod tests {
 
     #[test]
     fn a_joint_that_moves_after_a_second_has_not_reached_hold() {
+        let held = JointLimits { kp: 600.0, ..JointLimits::new("elbow") };
+        let joints = [held.clone(), held];
         let mut rest = Rest::default();
-        rest.step(SafeState::Hold, &[0.0, 1.5], 1e-3, true);
+        rest.step(SafeState::Hold, (&[0.0, 1.5], &joints), 1e-3, true);
         assert!(rest.is_reached(), "it is braking");
         for _ in 0..1_001 {
-            rest.step(SafeState::Hold, &[0.0, 1.5], 1e-3, false);
+            rest.step(SafeState::Hold, (&[0.0, 1.5], &joints), 1e-3, false);
         }
         assert!(!rest.is_reached());
-        rest.step(SafeState::Hold, &[0.0, 0.049], 1e-3, false);
+        rest.step(SafeState::Hold, (&[0.0, 0.049], &joints), 1e-3, false);
         assert!(rest.is_reached(), "at rest, if late");
-        rest.step(SafeState::Hold, &[0.0, f64::NAN], 1e-3, false);
+        rest.step(SafeState::Hold, (&[0.0, f64::NAN], &joints), 1e-3, false);
         assert!(!rest.is_reached(), "an unknown speed is not rest");
-        rest.step(SafeState::Damp, &[0.0, 1.5], 1e-3, false);
+        rest.step(SafeState::Damp, (&[0.0, 1.5], &joints), 1e-3, false);
         assert!(rest.is_reached(), "`damp` lets joints move");
+        let free = [JointLimits::new("rotor"), JointLimits::new("pole")];
+        rest.step(SafeState::Hold, (&[9.0, 1.5], &free), 1e-3, false);
+        assert!(rest.is_reached(), "nothing holds them");
     }
 }

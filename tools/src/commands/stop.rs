@@ -124,7 +124,18 @@ impl Resume {
             .collect();
         if held.is_empty() && header.latched().is_none() {
             if !self.json {
-                outln!("graph `{}` follows its commands again", run.plan.name);
+                let states = || {
+                    let blocks = run.plan.components.iter().zip(run.region.components());
+                    blocks.filter(|(component, _)| component.actuator).map(|(_, block)| block.gate.state())
+                };
+                let state = if states().all(|state| state == GateState::Following) {
+                    "follows its commands again"
+                } else if states().any(|state| state == GateState::Resuming) {
+                    "is resuming: its commands are approached at limited rates"
+                } else {
+                    "is released, and follows its commands once they are fresh"
+                };
+                outln!("graph `{}` {state}", run.plan.name);
             }
             return Ok(ExitCode::SUCCESS);
         }

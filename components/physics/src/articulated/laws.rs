@@ -103,10 +103,21 @@ impl Laws {
     ) -> Self {
         let limit = joint.effort_limit.abs();
         let band = BRAKING_BAND * command.max_velocity.max(-command.min_velocity);
-        let brakes = limit.is_finite() && band.is_finite();
+        let brakes = band.is_finite();
+        let drive_0 = command.kp * (command.position - q) + command.kd * command.velocity + command.effort;
+        let drive_slope = command.kd + h * command.kp;
+        let (limit, low, high) = if brakes && !limit.is_finite() {
+            // Without an effort limit the drive brakes with the largest effort that its command requests up to twice
+            // its velocity limit; up to the limit itself this leaves the command alone.
+            let requested = |x: f64| (drive_0 - 2.0 * drive_slope * x).abs();
+            let limit = requested(command.min_velocity).max(requested(command.max_velocity));
+            (limit, low.max(-limit), high.min(limit))
+        } else {
+            (limit, low, high)
+        };
         Self {
-            drive_0: command.kp * (command.position - q) + command.kd * command.velocity + command.effort,
-            drive_slope: command.kd + h * command.kp,
+            drive_0,
+            drive_slope,
             high,
             low,
             min_velocity: if brakes { command.min_velocity } else { f64::NEG_INFINITY },

@@ -31,6 +31,8 @@ pub(super) struct Actuated {
     pub(super) safe: u64,
     /// Steps on the way back from it.
     pub(super) resuming: u64,
+    /// It has rotors, which no safe state lets hold it in the air.
+    has_rotors: bool,
     /// Position of the base at the start \[m\].
     start: [f64; 3],
     /// Heights of the base \[m\].
@@ -96,6 +98,7 @@ impl Actuated {
                 base_state,
                 name: robot.name,
                 articulation: robot.articulation,
+                has_rotors: robot.drives.len() > robot.loaded.model.joint_count(),
                 drives: robot.drives,
                 gate,
                 safe: 0,
@@ -197,6 +200,9 @@ impl Actuated {
                 &mut result["robots"][name]
             }
         };
+        if self.has_rotors {
+            into["rotors_in_safe_state"] = json!("no thrust");
+        }
         if self.base_state.is_some() {
             let pose = simulation.base_pose_of(self.articulation);
             let position = pose.translation.vector;

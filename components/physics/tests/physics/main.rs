@@ -22,6 +22,7 @@ mod floating;
 mod floating_catalogue;
 mod gait;
 mod grain;
+mod hold;
 mod integrator;
 mod legged;
 mod mesh_slopes;

@@ -55,13 +55,25 @@ impl fmt::Display for Event<'_> {
                 }
                 write!(f, ": {cause}")
             }
+            Self::LeftSafeState { component, before_ns: Some(_), .. } => {
+                write!(f, "`{component}` left its safe state")
+            }
+            Self::LeftSafeState { component, resuming: true, .. } => {
+                write!(f, "`{component}` is resuming: its command is away from the held pose, ")?;
+                f.write_str("and is approached at limited rates")
+            }
             Self::LeftSafeState { component, .. } => write!(f, "`{component}` follows its commands"),
             Self::SafeStop { reason } => f.write_str(reason),
             Self::Safe { after_ns } => {
                 write!(f, "all actuators in their safe state after {:.2} ms", milliseconds(after_ns))
             }
-            Self::NotSafe { dead, late, safe } => {
-                let parts = [(dead, "dead"), (late, "not in its safe state"), (safe, "in its safe state")];
+            Self::NotSafe { dead, late, moving, safe } => {
+                let parts = [
+                    (dead, "dead"),
+                    (late, "not in its safe state"),
+                    (moving, "in its safe state, but not at rest"),
+                    (safe, "in its safe state"),
+                ];
                 let parts = parts.iter().filter(|(those, _)| !those.is_empty());
                 let parts: Vec<String> =
                     parts.map(|(those, what)| format!("{} {what}", names(those))).collect();

@@ -89,7 +89,7 @@ kinds! {
     Refused = 10, "refused";
     /// An actuator applies its safe state.
     EnteredSafeState = 11, "entered_safe_state";
-    /// An actuator follows its commands.
+    /// An actuator follows its commands, or is resuming.
     LeftSafeState = 12, "left_safe_state";
     /// The whole graph goes to its safe state, and ends.
     SafeStop = 13, "safe_stop";

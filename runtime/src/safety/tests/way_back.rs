@@ -270,7 +270,7 @@ fn a_drive_without_an_effort_limit_keeps_its_velocity_limit() {
     for push in [
         JointSetpoint { effort: 20.0, ..JointSetpoint::default() },
         JointSetpoint { effort: -20.0, ..JointSetpoint::default() },
-        JointSetpoint { position: 1e3, kp: 10.0, ..JointSetpoint::default() },
+        JointSetpoint { position: 10.0, kp: 10.0, ..JointSetpoint::default() },
         JointSetpoint { velocity: 50.0, kd: 3.0, ..JointSetpoint::default() },
     ] {
         let push = JointSetpoint { min_velocity: -2.0, max_velocity: 2.0, ..push };
