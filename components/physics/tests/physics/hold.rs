@@ -5,7 +5,7 @@ use std::path::Path;
 use motorium::plan::{GateRules, LimitPolicy, ResumeRule, SafeState};
 use motorium::region::{LimitKind, Refusal};
 use motorium::safety::{Account, Gate, JointLimits, Measured, Offer, REST_SPEED};
-use motorium::state::{Field as _, JointCommand as Command};
+use motorium::state::JointCommand as Command;
 use motorium_physics::{JointCommand, Simulator, World};
 use motorium_robots::{Dynamics, MimicMode, PackagePath, load, parse_urdf};
 use nalgebra::Vector3;

@@ -27,7 +27,7 @@ fn a_far_setpoint_is_approached_within_the_limits() {
     let mut arm = Arm::following();
     arm.silence();
     let goal = command([-1.5, 1.0], [0.0; 2]);
-    for _ in 0..700 {
+    for _ in 0..600 {
         let before = arm.gate.setpoints().to_vec();
         assert_eq!(arm.offer(&goal), Verdict::Resuming);
         for (now, before) in arm.gate.setpoints().iter().zip(before) {
