@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SafeState {
-    /// Hold the position at which the command went stale, with the gains of the last command.
+    /// Hold the position at which the command went stale, with no less than the profile's gains.
     Hold,
     /// No setpoint, only damping.
     Damp,
@@ -30,7 +30,7 @@ pub enum LimitPolicy {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ResumeRule {
-    /// Follow them from the held pose at half of the velocity and acceleration limits until the setpoint is met, then
+    /// Follow them from the held pose at half of the velocity and acceleration limits at first, and at more with time, then
     /// apply them; at once where the setpoint is within reach.
     Near,
     /// Stay in the safe state until `motorium resume`; then as `near`.
