@@ -185,6 +185,25 @@ mod tests {
     }
 
     #[test]
+    fn a_resuming_actuator_does_not_follow_its_commands() {
+        let left = |before_ns, resuming| {
+            Event::LeftSafeState { component: "physics", before_ns, resuming }.to_string()
+        };
+        assert_eq!(left(None, false), "`physics` follows its commands");
+        for text in [left(None, true), left(Some(7), false)] {
+            assert!(!text.contains("follows"), "{text}");
+        }
+    }
+
+    #[test]
+    fn an_actuator_that_is_not_at_rest_is_not_in_its_safe_state() {
+        let event = Event::NotSafe { dead: &[], late: &[], moving: &["physics"], safe: &[] };
+        let expected =
+            "not all actuators are in their safe state: `physics` in its safe state, but not at rest";
+        assert_eq!(event.to_string(), expected);
+    }
+
+    #[test]
     fn latencies_are_told_with_their_budget() {
         let (max_ns, longest_ns) = (300_000, 412_000);
         let event = Event::LatencyMissed { from: "a", to: "b", count: 1, max_ns, longest_ns };
