@@ -169,7 +169,10 @@ mod tests {
                 });
             }));
             let message = outcome.expect_err("the panic continues");
-            assert_eq!(message.downcast_ref::<String>().map(String::as_str), Some(&*format!("thread {failing} fails")));
+            assert_eq!(
+                message.downcast_ref::<String>().map(String::as_str),
+                Some(&*format!("thread {failing} fails"))
+            );
             assert_eq!(finished.load(Ordering::Relaxed), 2);
         }
         let after = AtomicUsize::new(0);
