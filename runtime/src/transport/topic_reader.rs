@@ -123,7 +123,9 @@ impl TopicReader {
         if self.known.get() != Some(TypeId::of::<T>()) {
             same_layout::<T>(&self.topic, "the reader")?;
             if matches!(self.topic.pattern, TopicPattern::Slices { .. }) {
-                return Err(refused(&self.topic.name, "reading a value")(&"it carries slices: read their bytes"));
+                return Err(refused(&self.topic.name, "reading a value")(
+                    &"it carries slices: read their bytes",
+                ));
             }
             self.known.set(Some(TypeId::of::<T>()));
         }

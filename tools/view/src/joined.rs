@@ -75,8 +75,7 @@ impl Joined {
         let parameters = ParameterTable::open(&domain, plan.clone())?;
         let channels = Channels::open(server, folder.id(), &plan, world_scene(&plan), overheads, |_| true)?;
         let not_before = Instant::now();
-        let topics =
-            plan.topics.iter().map(|_| Topic { source: None, not_before }).collect();
+        let topics = plan.topics.iter().map(|_| Topic { source: None, not_before }).collect();
         let offset_ns = offset_ns(&plan, &region);
         Ok(Self { folder, plan, region, parameters, domain, channels, topics, offset_ns })
     }

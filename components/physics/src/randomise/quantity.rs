@@ -221,7 +221,7 @@ fn of_objects(config: &RandomiseConfig, nominal: &Properties, list: &mut List) -
 }
 
 /// Refuses a drawn start of an object that is connected: the connection is made once, where all stands without a draw.
-pub(super) fn check_ties<'c>(
+pub(crate) fn check_ties<'c>(
     config: &RandomiseConfig,
     connections: impl Iterator<Item = &'c Connection>,
 ) -> Result<(), RangeError> {

@@ -52,7 +52,7 @@ pub(super) fn shares(robots: &[RandomisedRobot]) -> Vec<Share> {
             articulation: robot.articulation,
             bodies: before().map(|other| other.model.bodies().len()).sum(),
             joints: before().map(|other| other.model.joint_count()).sum(),
-            prefix: robot.prefix(),
+            prefix: robot.name.as_ref().map(|name| format!("{name}/")).unwrap_or_default(),
         }
     };
     robots.iter().enumerate().map(share).collect()
