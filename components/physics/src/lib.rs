@@ -21,6 +21,7 @@ mod joint;
 mod mujoco;
 mod options;
 mod properties;
+pub mod randomise;
 mod rapier;
 mod rays;
 mod robot;
@@ -35,9 +36,8 @@ pub use batch::Batch;
 pub use build::{BuildError, BuildWarning};
 pub use command::JointCommand;
 pub use component::{
-    ActuatorConfig, ActuatorIntervals, ArticulatedPhysics, Interval, MujocoPhysics, ObjectIntervals,
-    PhysicsComponent, PhysicsConfig, PhysicsEngine, PlaceIntervals, PushConfig, RandomiseConfig,
-    RapierPhysics, RobotIntervals, SpringConfig, SurfaceConfig, SurfaceIntervals, TerrainIntervals, kinds,
+    ActuatorConfig, ArticulatedPhysics, MujocoPhysics, PhysicsComponent, PhysicsConfig, PhysicsEngine,
+    PushConfig, RapierPhysics, SpringConfig, SurfaceConfig, kinds,
 };
 pub use connection::{ConnectError, Connection, ConnectionKind};
 pub use error::{ResetError, StepError};

@@ -10,11 +10,9 @@ use crate::context::Context;
 use crate::declare::TopicPattern;
 use crate::launcher::LaunchError;
 use crate::nearest::suggest;
-use crate::os::Lock;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer};
-use crate::transport::latest::{StateReader, TopicMemory};
-use crate::transport::{Output, OutputPlace, Participant, Shared, Tap, first_place};
+use crate::transport::{Output, OutputPlace, Participant, Shared, Tap, TopicReader};
 
 /// A value of a topic as it was when the session read it.
 ///
@@ -37,42 +35,62 @@ pub struct Value<T> {
 #[derive(Default)]
 pub(super) struct Ports {
     node: Option<Rc<Node<Shared>>>,
-    readers: Vec<(usize, StateReader, Lock)>,
+    readers: Vec<(usize, TopicReader)>,
     writers: Vec<(usize, Box<dyn Any>, Rc<Context>)>,
 }
 
 impl Ports {
     /// Begins an episode: there is nothing to read, and nothing was published.
     pub(super) fn begin_episode(&mut self, index: u64) {
-        self.readers.iter_mut().for_each(|(_, reader, _)| reader.begin_episode());
+        self.readers.iter_mut().for_each(|(_, reader)| reader.begin_episode());
         self.writers.iter().for_each(|(.., context)| context.begin_episode(index));
     }
 }
 
 impl Session<'_> {
-    /// The newest value of a topic in this episode; `None` before the first publication.
+    /// A copy of the newest value of a topic in this episode; `None` before the first publication. Of a stream, the newest
+    /// value since the first call.
     ///
     /// # Errors
-    /// The graph has no such topic, it holds another type, or it carries a stream, of which there is no newest value.
+    /// The graph has no such topic, it holds another type, or it carries slices.
     pub fn read<T: StateBuffer>(&mut self, topic: &str) -> Result<Option<Value<T>>, SessionError> {
         let index = self.topic(topic)?;
-        let plan = &self.launch.plan().topics[index];
-        crate::transport::same_layout::<T>(plan, "the session")?;
-        if plan.pattern != TopicPattern::State {
-            let reason = "it carries a stream; a session reads states".to_string();
-            return Err(SessionError::Topic { topic: topic.to_string(), reason });
-        }
-        let place = match self.ports.readers.iter().position(|(open, ..)| *open == index) {
+        crate::transport::same_layout::<T>(&self.launch.plan().topics[index], "the session")?;
+        let place = match self.ports.readers.iter().position(|(open, _)| *open == index) {
             Some(place) => place,
             None => self.open_reader(index)?,
         };
-        let (_, reader, _) = &mut self.ports.readers[place];
-        reader.look();
-        Ok(reader.current::<T>().map(|(stamp, value)| Value { stamp: *stamp, value: *value }))
+        let (_, reader) = &mut self.ports.readers[place];
+        reader.poll();
+        let value = reader.value::<T>()?;
+        Ok(value.zip(reader.stamp()).map(|(value, stamp)| Value { stamp: *stamp, value: *value }))
     }
 
-    /// A reader of every value of a topic from now on, in order: in lockstep of those of the steps that follow. It belongs to
-    /// the thread that opens it.
+    /// A reader of the newest value of a topic in place, without knowing its type. It belongs to the thread that opens it.
+    ///
+    /// ```no_run
+    /// # use motorium::session::{Session, SessionError};
+    /// fn print_ages(session: &mut Session<'_>) -> Result<(), SessionError> {
+    ///     let mut picture = session.reader("camera/image")?;
+    ///     session.step()?;
+    ///     if picture.poll() {
+    ///         let (bytes, stamp) = (picture.bytes().map_or(0, <[u8]>::len), picture.stamp());
+    ///         println!("{bytes} bytes of {} {:?}", picture.layout().type_name, stamp);
+    ///     }
+    ///     Ok(())
+    /// }
+    /// ```
+    ///
+    /// # Errors
+    /// The graph has no such topic, or four programs read it from outside already.
+    pub fn reader(&self, topic: &str) -> Result<TopicReader, SessionError> {
+        let index = self.topic(topic)?;
+        let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
+        Ok(TopicReader::open(&domain, &self.launch.plan().topics[index])?)
+    }
+
+    /// A reader of every value of a topic from now on, in order. Of slices, each value is the bytes of all elements. It
+    /// belongs to the thread that opens it.
     ///
     /// ```no_run
     /// # use motorium::session::{Session, SessionError};
@@ -86,11 +104,15 @@ impl Session<'_> {
     /// ```
     ///
     /// # Errors
-    /// The graph has no such topic, it carries slices, or four others look on already.
+    /// The graph has no such topic, or four programs read it from outside already.
     pub fn tap(&self, topic: &str) -> Result<Tap, SessionError> {
         let index = self.topic(topic)?;
         let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
-        Ok(Tap::open(&domain, &self.launch.plan().topics[index])?)
+        let plan = &self.launch.plan().topics[index];
+        Ok(match plan.pattern {
+            TopicPattern::Slices { .. } => Tap::of_slices(&domain, plan)?,
+            TopicPattern::State | TopicPattern::Stream { .. } => Tap::open(&domain, plan)?,
+        })
     }
 
     /// Publishes a value in the place of the component that writes the topic, at the present time of the run.
@@ -179,18 +201,8 @@ impl Session<'_> {
         self.join()?;
         let plan = &self.launch.plan().topics[index];
         let Some(node) = &self.ports.node else { return Err(not_joined(plan)) };
-        let memory = TopicMemory::open(node, plan)?;
         let domain = self.launch.folder().domain().map_err(LaunchError::from)?;
-        let (file, first) = (domain.lock_file(), first_place(&plan.name));
-        let free = memory
-            .side_pins()
-            .enumerate()
-            .find_map(|(place, pin)| Some((Lock::take(&file, first + place as u32).ok().flatten()?, pin)));
-        let (lock, pin) = free.ok_or_else(|| SessionError::Topic {
-            topic: plan.name.clone(),
-            reason: "its four places for those who look on are taken by programs that run".to_string(),
-        })?;
-        self.ports.readers.push((index, StateReader::new(Rc::new(memory), pin), lock));
+        self.ports.readers.push((index, TopicReader::join(&domain, node, plan)?));
         Ok(self.ports.readers.len() - 1)
     }
 

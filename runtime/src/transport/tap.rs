@@ -5,10 +5,10 @@ use iceoryx2::node::Node;
 use super::latest::{self, TopicMemory};
 use super::stream::{Queue, parts, receive};
 use super::topic::open_queue;
+use super::topic_reader::side_pin;
 use super::{PortError, refused};
 use crate::declare::TopicPattern;
 use crate::domain::{Domain, Shared};
-use crate::os::Lock;
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp, TypeLayout};
 
@@ -46,7 +46,7 @@ pub struct Sample {
 }
 
 /// The first of the places of a topic among those of all topics of a run.
-pub(crate) fn first_place(topic: &str) -> u32 {
+pub(super) fn first_place(topic: &str) -> u32 {
     let mut digest = Digest::default();
     digest.write(topic.as_bytes());
     (digest.finish() as u32 >> 4) * latest::SIDE_PINS as u32
@@ -71,13 +71,8 @@ impl Tap {
         let source = match topic.pattern {
             TopicPattern::State => {
                 let memory = TopicMemory::open(&node, topic)?;
-                let lock = domain.lock_file();
-                let first = first_place(name);
-                let take = |place: usize| Lock::take(&lock, first + place as u32).ok().flatten();
-                let full = &"its four places for those who look on are taken by programs that run";
-                Source::State(Box::new(
-                    latest::Tap::join(memory, take).ok_or_else(|| refused(name, "looking on")(full))?,
-                ))
+                let place = side_pin(domain, topic, &memory)?;
+                Source::State(Box::new(latest::Tap::join(memory, place)))
             }
             TopicPattern::Slices { .. } => {
                 return Err(refused(name, "looking on")(&"it carries slices, which have no single layout"));

@@ -7,11 +7,12 @@ use anyhow::Context as _;
 use foxglove::SinkId;
 use motorium::declare::TopicPattern;
 use motorium::os::monotonic_ns;
-use motorium::plan::{ClockKind, Plan};
+use motorium::plan::{ClockKind, Plan, TopicPlan};
 use motorium::region::{Command, Region};
 use motorium::run_folder::RunFolder;
 use motorium::schedule::Overheads;
-use motorium::transport::{Domain, ParameterTable, Tap};
+use motorium::state::Stamp;
+use motorium::transport::{Domain, ParameterTable, PortError, Tap, TopicReader};
 use motorium_bridges::foxglove::world_scene;
 
 use crate::channels::Channels;
@@ -36,13 +37,29 @@ pub(crate) struct Joined {
     offset_ns: u64,
 }
 
-/// The tap of a topic.
+/// The reader of a topic.
 #[derive(Debug)]
 struct Topic {
-    tap: Option<Tap>,
+    source: Option<Source>,
     /// Time before which it is not joined again.
     not_before: Instant,
-    newest: Vec<u8>,
+}
+
+/// What is read of a topic: the newest value of a state, every value of a stream.
+#[derive(Debug)]
+enum Source {
+    Newest(Box<TopicReader>),
+    Every(Tap),
+}
+
+impl Source {
+    fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
+        Ok(match topic.pattern {
+            TopicPattern::State => Self::Newest(Box::new(TopicReader::open(domain, topic)?)),
+            TopicPattern::Stream { .. } => Self::Every(Tap::open(domain, topic)?),
+            TopicPattern::Slices { .. } => Self::Every(Tap::of_slices(domain, topic)?),
+        })
+    }
 }
 
 impl Joined {
@@ -58,8 +75,7 @@ impl Joined {
         let parameters = ParameterTable::open(&domain, plan.clone())?;
         let channels = Channels::open(server, folder.id(), &plan, world_scene(&plan), overheads, |_| true)?;
         let not_before = Instant::now();
-        let topics =
-            plan.topics.iter().map(|_| Topic { tap: None, not_before, newest: Vec::new() }).collect();
+        let topics = plan.topics.iter().map(|_| Topic { source: None, not_before }).collect();
         let offset_ns = offset_ns(&plan, &region);
         Ok(Self { folder, plan, region, parameters, domain, channels, topics, offset_ns })
     }
@@ -74,20 +90,15 @@ impl Joined {
         for (index, topic) in self.topics.iter_mut().enumerate() {
             if !self.channels.is_watched(index) {
                 // Its place is free for others.
-                topic.tap = None;
+                topic.source = None;
                 continue;
             }
-            if topic.tap.is_none() {
+            if topic.source.is_none() {
                 if Instant::now() < topic.not_before {
                     continue;
                 }
-                let planned = &self.plan.topics[index];
-                let tap = match planned.pattern {
-                    TopicPattern::Slices { .. } => Tap::of_slices(&self.domain, planned),
-                    TopicPattern::State | TopicPattern::Stream { .. } => Tap::open(&self.domain, planned),
-                };
-                match tap {
-                    Ok(tap) => topic.tap = Some(tap),
+                match Source::open(&self.domain, &self.plan.topics[index]) {
+                    Ok(source) => topic.source = Some(source),
                     Err(error) => {
                         eprintln!("{error}");
                         topic.not_before = Instant::now() + AGAIN;
@@ -95,8 +106,7 @@ impl Joined {
                     }
                 }
             }
-            let is_state = self.plan.topics[index].pattern == TopicPattern::State;
-            topic.send(index, is_state, self.offset_ns, &mut self.channels);
+            topic.send(index, self.offset_ns, &mut self.channels);
         }
     }
 
@@ -107,28 +117,27 @@ impl Joined {
 }
 
 impl Topic {
-    /// Sends what has come since the last call: of a state the newest value.
-    fn send(&mut self, index: usize, is_state: bool, offset_ns: u64, channels: &mut Channels) {
-        let Some(tap) = &mut self.tap else { return };
-        if is_state {
-            let (newest, mut stamp) = (&mut self.newest, None);
-            // The slot is held for the time of the copy alone.
-            while tap.read(|read, bytes| {
-                newest.clear();
-                newest.extend_from_slice(bytes);
-                stamp = Some(*read);
-            }) {}
-            if let Some(stamp) = stamp {
-                channels.send(index, &stamp, &self.newest, stamp.publish_time.saturating_add(offset_ns));
+    /// Sends what was published since the last call: of a state the newest value, from where it is.
+    fn send(&mut self, index: usize, offset_ns: u64, channels: &mut Channels) {
+        let mut send = |stamp: &Stamp, bytes: &[u8]| {
+            channels.send(index, stamp, bytes, stamp.publish_time.saturating_add(offset_ns));
+        };
+        match &mut self.source {
+            Some(Source::Newest(reader)) => {
+                if reader.poll()
+                    && let (Some(stamp), Some(bytes)) = (reader.stamp(), reader.bytes())
+                {
+                    send(stamp, bytes);
+                }
             }
-            return;
-        }
-        for _ in 0..MOST {
-            if !tap.read(|stamp, bytes| {
-                channels.send(index, stamp, bytes, stamp.publish_time.saturating_add(offset_ns));
-            }) {
-                break;
+            Some(Source::Every(tap)) => {
+                for _ in 0..MOST {
+                    if !tap.read(&mut send) {
+                        break;
+                    }
+                }
             }
+            None => {}
         }
     }
 }

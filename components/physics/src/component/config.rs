@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::actuators::ActuatorConfig;
 use super::pushes::PushConfig;
-use super::randomise::RandomiseConfig;
+use crate::randomise::RandomiseConfig;
 use crate::{BuildError, Connection, Options, RobotSetup, Simulator, World};
 
 /// Configuration of the physics kinds: where robots start, what is around them, and the settings of the engine.

@@ -26,10 +26,6 @@ pub use config::{PhysicsConfig, SpringConfig, SurfaceConfig};
 pub use pushes::PushConfig;
 use pushes::Pushes;
 use randomise::Randomiser;
-pub use randomise::{
-    ActuatorIntervals, Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals,
-    SurfaceIntervals, TerrainIntervals,
-};
 use robots::{Actuated, SafeStates, position};
 use truth::Truth;
 

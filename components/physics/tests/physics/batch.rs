@@ -88,3 +88,58 @@ fn observations_of_a_batch_are_those_of_each_world_on_any_number_of_threads_and_
         }
     }
 }
+
+/// Per world: a generator of pushes, the sum of heights after each step, and the number of resets.
+#[derive(Clone, Debug, PartialEq)]
+struct Roll {
+    random: u64,
+    heights: f64,
+    resets: u32,
+}
+
+#[test]
+fn visits_give_equal_bits_on_any_number_of_threads() {
+    let rolled = |threads: usize| {
+        let start = |world: usize| Roll { random: world as u64 + 1, heights: 0.0, resets: 0 };
+        let mut batch = Batch::new(6, threads, |_| Ok(held("quadruped"))).unwrap().with_data(start);
+        let (q, v) = (batch.positions(0).to_vec(), vec![0.0; batch.velocities(0).len()]);
+        for step in 0..40 {
+            batch.each(|world, simulation, roll| {
+                roll.random = roll.random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                let drives = simulation.commands_mut().len() as u64;
+                let drive = (roll.random >> 33) % drives;
+                simulation.commands_mut()[drive as usize].effort = (roll.random >> 60) as f64 - 8.0;
+                simulation.step(1e-3).unwrap();
+                roll.heights += simulation.base_pose().translation.z;
+                if (step + world) % 13 == 12 {
+                    simulation.reset(&q, &v).unwrap();
+                    roll.resets += 1;
+                }
+            });
+        }
+        let bits: Vec<u64> = batch.all_positions().iter().map(|x| x.to_bits()).collect();
+        (bits, batch.data().to_vec())
+    };
+    let alone = rolled(1);
+    assert!(alone.1.iter().all(|roll| roll.resets >= 2), "{:?}", alone.1);
+    assert_ne!(alone.1[0].heights, alone.1[1].heights, "the worlds differ");
+    for threads in [2, 3, 8] {
+        assert_eq!(rolled(threads), alone, "{threads} threads");
+    }
+}
+
+#[test]
+fn a_visit_refreshes_states_and_observations() {
+    let batch = Batch::new(3, 2, |_| Ok(held("quadruped"))).unwrap();
+    let mut batch = batch.observing(1, |world, out| out[0] = world.base_pose().translation.z);
+    let (mut q, v) = (batch.positions(1).to_vec(), vec![0.0; batch.velocities(0).len()]);
+    q[2] += 0.25;
+    batch.each(|world, simulation, ()| {
+        if world == 1 {
+            simulation.reset(&q, &v).unwrap();
+        }
+    });
+    assert_eq!(batch.positions(1), q);
+    assert_eq!(batch.observation(1), [q[2]]);
+    assert_ne!(batch.observation(0), [q[2]]);
+}

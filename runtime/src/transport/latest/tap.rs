@@ -26,15 +26,12 @@ pub(crate) struct Tap {
 }
 
 impl Tap {
-    /// Joins a topic; the first value is the newest one. `take` takes the lock on the place of this number, which the
-    /// system frees when this process ends, however it ends. `None` if all places for those who look on are taken.
-    pub(crate) fn join(memory: TopicMemory, take: impl Fn(usize) -> Option<Lock>) -> Option<Self> {
-        let (place, pin) =
-            memory.side_pins().enumerate().find_map(|(place, pin)| Some((take(place)?, pin)))?;
+    /// Joins a topic with one of its side pins and the lock on it; the first value is the newest one.
+    pub(crate) fn join(memory: TopicMemory, (place, pin): (Lock, usize)) -> Self {
         unpin(&memory.pins()[pin]);
         let newest = memory.newest();
         let last = newest.number().saturating_sub(1);
-        Some(Self { memory, pin, last, slot: newest.slot(), missed: 0, _place: place })
+        Self { memory, pin, last, slot: newest.slot(), missed: 0, _place: place }
     }
 
     /// Hands the next publication to `read`, stamp and bytes, where it lies; false if there is none yet.

@@ -6,7 +6,7 @@ mod slices;
 mod writer;
 
 pub(crate) use reader::StreamReader;
-pub(crate) use sample::{Bytes, Header, Queue, Sender, parts, receive};
+pub(crate) use sample::{Bytes, Header, Queue, Received, Sender, parts, receive};
 pub use slices::{SliceInput, SliceLoan, SliceOutput};
 pub(crate) use writer::{Lent, StreamWriter};
 

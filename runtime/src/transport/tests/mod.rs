@@ -4,6 +4,7 @@ mod filling;
 mod joining;
 mod latest;
 mod streams;
+mod topic_reader;
 
 use std::rc::Rc;
 

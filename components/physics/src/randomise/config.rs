@@ -1,21 +1,22 @@
-//! The `randomise` table of the physics kinds.
+//! The `randomise` table: ranges of physical properties.
 
 use std::collections::BTreeMap;
 
-use motorium::declare::ConfigError;
 use motorium::units::TimeSpan;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-/// Lowest and highest value of a quantity, drawn evenly between them.
+use super::RangeError;
+
+/// Lowest and highest value of a quantity, sampled uniformly.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct Interval(pub [f64; 2]);
 
-/// Ranges of physical properties, drawn anew at the start of every episode from its seed.
+/// Ranges of physical properties, sampled at the start of every episode from its seed.
 ///
-/// Masses, damping, friction and efforts are drawn as factors of the values that the robot and the world have, restitution as
-/// itself, starts as displacements. Each body, joint and object has a draw of its own.
+/// Masses, damping, friction and efforts are factors of the robot's and the world's own values, restitution is absolute,
+/// starts are displacements. Each body, joint and object has a sample of its own.
 ///
 /// ```toml
 /// mass     = [0.9, 1.1]
@@ -44,7 +45,7 @@ pub struct RandomiseConfig {
     pub start: Option<Interval>,
     /// The actuators of the joints.
     pub actuator: ActuatorIntervals,
-    /// Time after which all but starts, objects and the terrain is drawn anew, within an episode too. Default: once an episode.
+    /// Time after which all but starts, objects and the terrain is sampled again within an episode. Default: never.
     pub every: Option<TimeSpan>,
     /// Displacement of the start of a floating base.
     pub base: PlaceIntervals,
@@ -211,19 +212,18 @@ impl Allowed {
 
 impl Interval {
     /// Checks it against what is allowed. `key` is dotted, without `randomise`.
-    pub(super) fn check(self, key: &str, allowed: Allowed) -> Result<(), ConfigError> {
+    pub(super) fn check(self, key: &str, allowed: Allowed) -> Result<(), RangeError> {
         let Self([low, high]) = self;
-        let key = format!("randomise.{key}");
         let (least, most, expected) = allowed.range();
         // Written so that NaN is refused.
         if !((least..=most).contains(&low) && (least..=most).contains(&high)) {
-            return Err(ConfigError::key(key, format!("[{low}, {high}], expected {expected}")));
+            return Err(RangeError::new(key, format!("[{low}, {high}], expected {expected}")));
         }
         if allowed == Allowed::Seed && (low.fract() != 0.0 || high.fract() != 0.0) {
-            return Err(ConfigError::key(key, format!("[{low}, {high}], expected {expected}")));
+            return Err(RangeError::new(key, format!("[{low}, {high}], expected {expected}")));
         }
         if low > high {
-            return Err(ConfigError::key(key, format!("[{low}, {high}], but the lowest value stands first"))
+            return Err(RangeError::new(key, format!("[{low}, {high}], but the lowest value stands first"))
                 .advise(format!("write [{high}, {low}]")));
         }
         Ok(())

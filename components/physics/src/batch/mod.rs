@@ -1,16 +1,27 @@
 //! Many worlds stepped together, on all cores.
 
-use std::sync::Arc;
-use std::thread;
+mod workers;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::{
     BuildError, Engine, JointCommand, Properties, ResetError, Simulation, Simulator, StepError, StepReport,
 };
+use workers::Workers;
+
+/// Blocks of worlds per thread: a thread that finishes early steps blocks of the others.
+const BLOCKS: usize = 4;
 
 /// Many simulations of robots of one kind, stepped together on several threads.
 ///
-/// States, commands and [observations](Self::observing) of all worlds lie one after the other in memory. Each world computes what it would compute
-/// alone, to the last bit, on however many threads.
+/// States, commands and [observations](Self::observing) of all worlds are contiguous, one world after the other. Each
+/// world computes what it would compute alone, bit for bit, on any number of threads. The threads live as long as the
+/// batch: between two calls they spin for some tens of microseconds, then sleep.
+///
+/// [`step`](Self::step) advances all worlds under the commands of the batch. [`each`](Self::each) visits all worlds, each
+/// with data `W` of its own ([`with_data`](Self::with_data)): command, step, observe, reward, reset and randomise in one
+/// pass, on the thread that steps the world.
 ///
 /// # Example
 ///
@@ -32,9 +43,10 @@ use crate::{
 /// assert!(batch.positions(63)[1] > batch.positions(1)[1]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-pub struct Batch<E> {
+pub struct Batch<E, W = ()> {
     worlds: Vec<Simulation<E>>,
-    threads: usize,
+    data: Vec<W>,
+    workers: Workers,
     /// Sizes of one world.
     nq: usize,
     nv: usize,
@@ -52,10 +64,12 @@ pub struct Batch<E> {
 /// Writes an observation of a world.
 type Observe<E> = Arc<dyn Fn(&Simulation<E>, &mut [f64]) + Send + Sync>;
 
-/// The part of a batch that one thread steps.
-struct Share<'a, E> {
+/// A block of worlds that one thread visits.
+struct Block<'a, E, W> {
+    /// Index of the first world.
+    first: usize,
     worlds: &'a mut [Simulation<E>],
-    commands: &'a [JointCommand],
+    data: &'a mut [W],
     positions: &'a mut [f64],
     velocities: &'a mut [f64],
     observations: &'a mut [f64],
@@ -63,16 +77,16 @@ struct Share<'a, E> {
 }
 
 impl<E: Engine + Send> Batch<E> {
-    /// `count` worlds, each made by `build` from its index, for `threads` threads (at least one). All must have robots with as
-    /// many joints.
+    /// Builds `count` worlds by `build`, which receives the index of each, and starts `threads` - 1 threads (one thread
+    /// is the caller's). All robots must have the same number of joints.
     ///
     /// # Errors
     ///
-    /// The first that `build` gives.
+    /// The first error of `build`.
     ///
     /// # Panics
     ///
-    /// If `count` is zero, or robots differ in size.
+    /// If `count` is zero, the robots differ in size, or the system starts no thread.
     pub fn new(
         count: usize,
         threads: usize,
@@ -85,7 +99,8 @@ impl<E: Engine + Send> Batch<E> {
         let (nq, nv, drives) = worlds.first().map(size).expect("a batch of at least one world");
         assert!(worlds.iter().all(|world| size(world) == (nq, nv, drives)), "robots of one size");
         let mut batch = Self {
-            threads: threads.clamp(1, count),
+            data: vec![(); count],
+            workers: Workers::new(threads.clamp(1, count) - 1),
             commands: vec![JointCommand::default(); count * drives],
             positions: vec![0.0; count * nq],
             velocities: vec![0.0; count * nv],
@@ -101,9 +116,33 @@ impl<E: Engine + Send> Batch<E> {
         (0..count).for_each(|world| batch.read(world));
         Ok(batch)
     }
+}
 
-    /// The same batch, which after every [`step`](Self::step) and reset has `count` numbers of each world in
-    /// [`observations`](Self::observations), as `observe` writes them: on the thread that steps the world.
+impl<E: Engine + Send, W: Send> Batch<E, W> {
+    /// Replaces the data of all worlds by what `make` returns for the index of each, such as a history of observations,
+    /// random numbers or a reward.
+    #[must_use]
+    pub fn with_data<T: Send>(self, make: impl FnMut(usize) -> T) -> Batch<E, T> {
+        let data = (0..self.worlds.len()).map(make).collect();
+        Batch {
+            worlds: self.worlds,
+            data,
+            workers: self.workers,
+            nq: self.nq,
+            nv: self.nv,
+            drives: self.drives,
+            commands: self.commands,
+            positions: self.positions,
+            velocities: self.velocities,
+            observed: self.observed,
+            observe: self.observe,
+            observations: self.observations,
+            outcomes: self.outcomes,
+        }
+    }
+
+    /// The same batch with `count` [observed](Self::observations) numbers per world. `observe` writes them after every
+    /// [`step`](Self::step), visit and reset, on the thread that does it.
     ///
     /// ```
     /// use std::path::Path;
@@ -140,9 +179,19 @@ impl<E: Engine + Send> Batch<E> {
         self.worlds.len()
     }
 
-    /// A world, such as to look at its objects and contacts.
+    /// A world, for reading its objects and contacts.
     pub fn world(&self, index: usize) -> &Simulation<E> {
         &self.worlds[index]
+    }
+
+    /// The data of all worlds, in their order.
+    pub fn data(&self) -> &[W] {
+        &self.data
+    }
+
+    /// The data of all worlds, to be changed between two steps.
+    pub fn data_mut(&mut self) -> &mut [W] {
+        &mut self.data
     }
 
     /// The commands of all drives of all worlds, one world after the other; they stay until changed.
@@ -180,42 +229,97 @@ impl<E: Engine + Send> Batch<E> {
         &self.observations[world * self.observed..][..self.observed]
     }
 
-    /// Advances every world by `steps` steps of `dt` \[s\] with the commands as they are. Returns the outcome of the last
-    /// step of each; a world whose step fails stays where it was before that step.
+    /// Advances every world by `steps` steps of `dt` \[s\] under the commands of the batch. Returns the outcome of each
+    /// world's last step; a world whose step fails stays where it was before that step.
     pub fn step(&mut self, dt: f64, steps: usize) -> &[Result<StepReport, StepError>] {
-        let count = self.worlds.len().div_ceil(self.threads);
-        let (nq, nv, drives, observed) = (self.nq, self.nv, self.drives, self.observed);
+        let commands = core::mem::take(&mut self.commands);
+        let drives = self.drives;
+        self.visit(&|index, world, _, outcome| {
+            world.commands_mut().copy_from_slice(&commands[index * drives..][..drives]);
+            for _ in 0..steps {
+                *outcome = world.step(dt);
+                if outcome.is_err() {
+                    break;
+                }
+            }
+        });
+        self.commands = commands;
+        &self.outcomes
+    }
+
+    /// Calls `visit` once for every world with its index, simulation and data, on all threads, and returns when all calls
+    /// have returned. States and observations are read after each visit.
+    ///
+    /// What a visit does must depend on its arguments alone; then the result is equal bit for bit on any number of threads.
+    /// The commands of the batch are not used: a visit sets those of the simulation.
+    ///
+    /// ```
+    /// use std::path::Path;
+    /// use motorium_physics::{ArticulatedSimulator, Batch, JointCommand, Options, Simulator, World};
+    /// use motorium_robots::load;
+    ///
+    /// let model = load("pendulum", Path::new("."))?.model;
+    /// let build = |_| ArticulatedSimulator::new(model.clone(), World::default(), &[0.1], Options::default());
+    /// let mut batch = Batch::new(8, 2, build)?.with_data(|world| (world as f64, 0_usize));
+    /// for _ in 0..100 {
+    ///     batch.each(|_, simulation, (effort, failures)| {
+    ///         simulation.commands_mut()[0] = JointCommand::effort(0.01 * *effort);
+    ///         if simulation.step(1e-3).is_err() {
+    ///             *failures += 1;
+    ///         }
+    ///     });
+    /// }
+    /// assert!(batch.data().iter().all(|(_, failures)| *failures == 0));
+    /// assert!(batch.positions(7)[0] > batch.positions(0)[0]);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Panics
+    ///
+    /// Continues the first panic of a visit once all threads have stopped.
+    pub fn each(&mut self, visit: impl Fn(usize, &mut Simulation<E>, &mut W) + Sync) {
+        self.visit(&|index, world, data, _| visit(index, world, data));
+    }
+
+    fn visit(&mut self, visit: &Visit<'_, E, W>) {
+        let count = self.worlds.len().div_ceil(self.workers.threads() * BLOCKS);
+        let (nq, nv, observed) = (self.nq, self.nv, self.observed);
         let mut observations = self.observations.chunks_mut((count * observed).max(1));
         let observe: &Observe<E> = &self.observe;
-        let shares = self
+        let blocks: Vec<_> = self
             .worlds
             .chunks_mut(count)
-            .zip(self.commands.chunks((count * drives).max(1)))
-            .zip(self.positions.chunks_mut(count * nq))
-            .zip(self.velocities.chunks_mut(count * nv))
+            .zip(self.data.chunks_mut(count))
+            .zip(self.positions.chunks_mut((count * nq).max(1)))
+            .zip(self.velocities.chunks_mut((count * nv).max(1)))
             .zip(self.outcomes.chunks_mut(count))
-            .map(|((((worlds, commands), positions), velocities), outcomes)| Share {
+            .enumerate()
+            .map(|(block, ((((worlds, data), positions), velocities), outcomes))| Block {
+                first: block * count,
                 worlds,
-                commands,
+                data,
                 positions,
                 velocities,
                 observations: observations.next().unwrap_or_default(),
                 outcomes,
-            });
-        thread::scope(|scope| {
-            let mut shares = shares;
-            let own = shares.next();
-            for mut share in shares {
-                scope.spawn(move || share.step((nq, nv, drives), (observed, observe), (dt, steps)));
-            }
-            if let Some(mut share) = own {
-                share.step((nq, nv, drives), (observed, observe), (dt, steps));
+            })
+            .map(|block| (AtomicBool::new(false), Mutex::new(block)))
+            .collect();
+        let threads = self.workers.threads();
+        self.workers.run(&|thread| {
+            // Each thread begins with worlds of its own, which its caches hold, and ends with those that are left.
+            let start = thread * blocks.len() / threads;
+            for (claimed, block) in blocks[start..].iter().chain(&blocks[..start]) {
+                if !claimed.swap(true, Ordering::Relaxed) {
+                    let mut block = block.lock().unwrap_or_else(PoisonError::into_inner);
+                    block.visit((nq, nv), (observed, observe), visit);
+                }
             }
         });
-        &self.outcomes
     }
 
-    /// Puts one world at `q` (nq) with velocity `v` (nv), its objects where they began; its commands become zero efforts.
+    /// Resets one world to configuration `q` (nq) and velocity `v` (nv) with its objects at their starts, and its commands
+    /// to zero efforts.
     ///
     /// # Errors
     ///
@@ -253,21 +357,20 @@ impl<E: Engine + Send> Batch<E> {
     }
 }
 
-impl<E: Engine> Share<'_, E> {
-    fn step(
+/// Visits a world: its index, simulation, data, and the outcome of its last step.
+type Visit<'a, E, W> =
+    dyn Fn(usize, &mut Simulation<E>, &mut W, &mut Result<StepReport, StepError>) + Sync + 'a;
+
+impl<E: Engine, W> Block<'_, E, W> {
+    fn visit(
         &mut self,
-        (nq, nv, drives): (usize, usize, usize),
+        (nq, nv): (usize, usize),
         (observed, observe): (usize, &Observe<E>),
-        (dt, steps): (f64, usize),
+        visit: &Visit<'_, E, W>,
     ) {
-        for (index, (world, outcome)) in self.worlds.iter_mut().zip(&mut *self.outcomes).enumerate() {
-            world.commands_mut().copy_from_slice(&self.commands[index * drives..][..drives]);
-            for _ in 0..steps {
-                *outcome = world.step(dt);
-                if outcome.is_err() {
-                    break;
-                }
-            }
+        let worlds = self.worlds.iter_mut().zip(&mut *self.data).zip(&mut *self.outcomes);
+        for (index, ((world, data), outcome)) in worlds.enumerate() {
+            visit(self.first + index, world, data, outcome);
             self.positions[index * nq..][..nq].copy_from_slice(world.configuration());
             self.velocities[index * nv..][..nv].copy_from_slice(world.velocity());
             observe(world, &mut self.observations[index * observed..][..observed]);

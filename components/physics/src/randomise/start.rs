@@ -1,10 +1,9 @@
-//! The start of an episode as draws make it.
+//! The start of an episode with sampled properties.
 
-use motorium::state::Randomisation as Message;
 use motorium_robots::{ActuatorSettings, BodyFactors, Model};
 
-use super::super::build::BuiltRobot;
-use super::quantity::Quantity;
+use super::RandomisedRobot;
+use super::quantity::{Property, Quantity};
 use crate::{Properties, Surface};
 
 /// The part of the simulation's models that one robot is.
@@ -20,7 +19,7 @@ pub(super) struct Share {
     prefix: String,
 }
 
-/// Nominal properties and start of an episode, and what draws make of them.
+/// Nominal properties and start, to which samples are applied.
 pub(super) struct Scene<'a> {
     pub(super) nominal: &'a Properties,
     pub(super) shares: &'a [Share],
@@ -28,28 +27,32 @@ pub(super) struct Scene<'a> {
     pub(super) q: &'a [f64],
 }
 
-/// The start of an episode.
-pub(super) struct Start {
-    pub(super) properties: Properties,
-    pub(super) q: Vec<f64>,
-    /// Displacement of the base of each articulation upwards \[m\].
-    pub(super) lifts: Vec<f64>,
-    /// The posture or the place of a base differs from the nominal one.
-    pub(super) moved: bool,
-    /// Per joint of all articulations: factors of what its drive is commanded, gain and strength.
-    pub(super) drives: Vec<Vec<[f64; 2]>>,
+/// The start of an episode: properties and configuration with the samples applied.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// Physical properties, for [`reset_with`](crate::Simulator::reset_with).
+    pub properties: Properties,
+    /// Configuration (nq), without `lifts`.
+    pub q: Vec<f64>,
+    /// Vertical displacement of each articulation's floating base, applied after it is placed on the ground \[m\].
+    pub lifts: Vec<f64>,
+    /// True if the posture, the place of a base or the terrain differs from the nominal one: a base that stands on the
+    /// ground must be placed again.
+    pub moved: bool,
+    /// Per articulation and joint: factors of the gains commanded to the drive and of its strength.
+    pub drives: Vec<Vec<[f64; 2]>>,
 }
 
 /// The part that each robot has in the model of its articulation.
-pub(super) fn shares(robots: &[BuiltRobot]) -> Vec<Share> {
-    let share = |(index, robot): (usize, &BuiltRobot)| {
+pub(super) fn shares(robots: &[RandomisedRobot]) -> Vec<Share> {
+    let share = |(index, robot): (usize, &RandomisedRobot)| {
         // Robots of one articulation stand in it in their order.
         let before = || robots[..index].iter().filter(|other| other.articulation == robot.articulation);
         Share {
             articulation: robot.articulation,
-            bodies: before().map(|other| other.loaded.model.bodies().len()).sum(),
-            joints: before().map(|other| other.loaded.model.joint_count()).sum(),
-            prefix: robot.prefix(),
+            bodies: before().map(|other| other.model.bodies().len()).sum(),
+            joints: before().map(|other| other.model.joint_count()).sum(),
+            prefix: robot.name.as_ref().map(|name| format!("{name}/")).unwrap_or_default(),
         }
     };
     robots.iter().enumerate().map(share).collect()
@@ -69,7 +72,7 @@ impl Scene<'_> {
             models.iter().map(|model| vec![[1.0; 2]; model.joint_count()]).collect();
         let (mut q, mut lifts, mut moved) = (self.q.to_vec(), vec![0.0; models.len()], false);
         for (quantity, &value) in quantities.iter().zip(values) {
-            let part = quantity.part as usize;
+            let part = quantity.part;
             let share = quantity.robot.map(|robot| &self.shares[robot]);
             let (articulation, bodies, joints) =
                 share.map_or((0, 0, 0), |share| (share.articulation, share.bodies, share.joints));
@@ -77,55 +80,55 @@ impl Scene<'_> {
             let factors = &mut of_bodies[articulation];
             let start: usize = models[..articulation].iter().map(|model| model.nq()).sum();
             match quantity.property {
-                Message::GRAVITY => world.gravity.iter_mut().for_each(|g| *g *= value),
-                Message::BODY_MASS if quantity.part == Message::BASE => bases[articulation] = value,
-                Message::BODY_MASS => factors[bodies + part].mass = value,
-                Message::DAMPING => {
+                Property::Gravity => world.gravity.iter_mut().for_each(|g| *g *= value),
+                Property::BaseMass => bases[articulation] = value,
+                Property::BodyMass => factors[bodies + part].mass = value,
+                Property::Damping => {
                     of_joint(model, joint).for_each(|body| factors[body].damping = value);
                 }
-                Message::JOINT_FRICTION => {
+                Property::JointFriction => {
                     of_joint(model, joint).for_each(|body| factors[body].friction = value);
                 }
-                Message::EFFORT_LIMIT => factors[model.joint_body(joint)].effort_limit *= value,
-                Message::START => {
+                Property::EffortLimit => factors[model.joint_body(joint)].effort_limit *= value,
+                Property::Start => {
                     let (lower, upper) = (model.lower()[joint], model.upper()[joint]);
                     let at = start + model.nq() - model.joint_count() + joint;
                     q[at] = (q[at] + value).clamp(lower.min(q[at]), upper.max(q[at]));
                     moved = true;
                 }
-                Message::BASE_X | Message::BASE_Y => {
-                    q[start + (quantity.property - Message::BASE_X) as usize] += value;
+                Property::BaseX | Property::BaseY => {
+                    q[start + usize::from(quantity.property == Property::BaseY)] += value;
                     moved = true;
                 }
-                Message::BASE_Z => lifts[articulation] = value,
-                Message::BASE_YAW => {
+                Property::BaseZ => lifts[articulation] = value,
+                Property::BaseYaw => {
                     turn(&mut q[start + 3..start + 7], value);
                     moved = true;
                 }
-                Message::TERRAIN_SEED | Message::TERRAIN_SCALE => {
+                Property::TerrainSeed | Property::TerrainScale => {
                     if let Some(terrain) = &mut world.terrain {
                         match quantity.property {
-                            Message::TERRAIN_SEED => terrain.seed = value as u64,
+                            Property::TerrainSeed => terrain.seed = value as u64,
                             _ => terrain.scale *= value,
                         }
                     }
                     moved = true;
                 }
-                Message::OBJECT_MASS => {
+                Property::ObjectMass => {
                     let object = &mut world.objects[part];
                     let mass = object.mass_properties().map(|own| own.mass * value);
                     (object.mass, object.density) = (mass, None);
                 }
-                Message::OBJECT_X | Message::OBJECT_Y | Message::OBJECT_Z => {
-                    world.objects[part].position[(quantity.property - Message::OBJECT_X) as usize] += value;
-                }
-                Message::OBJECT_YAW => world.objects[part].rpy[2] += value,
-                Message::ACTUATOR_GAIN => drives[articulation][joint][0] = value,
-                Message::ACTUATOR_STRENGTH => {
+                Property::ObjectX => world.objects[part].position[0] += value,
+                Property::ObjectY => world.objects[part].position[1] += value,
+                Property::ObjectZ => world.objects[part].position[2] += value,
+                Property::ObjectYaw => world.objects[part].rpy[2] += value,
+                Property::ActuatorGain => drives[articulation][joint][0] = value,
+                Property::ActuatorStrength => {
                     drives[articulation][joint][1] = value;
                     factors[model.joint_body(joint)].effort_limit *= value;
                 }
-                property if property > Message::ACTUATOR_STRENGTH => {
+                property if property > Property::ActuatorStrength => {
                     if let Some(Some(settings)) = actuators[articulation].get_mut(joint) {
                         vary(settings, property, value);
                     }
@@ -147,13 +150,13 @@ impl Scene<'_> {
         let is_object = |name: &str| world.objects.iter().any(|object| object.name == name);
         let of_world = |name: &str| name == "ground" || name == "terrain";
         let own = |name: &str| match (quantity.property, quantity.robot) {
-            (Message::GROUND_FRICTION | Message::GROUND_RESTITUTION, _) => of_world(name),
-            (_, None) => name == world.objects[quantity.part as usize].name,
+            (Property::GroundFriction | Property::GroundRestitution, _) => of_world(name),
+            (_, None) => name == world.objects[quantity.part].name,
             (_, Some(robot)) => {
                 !is_object(name) && !of_world(name) && name.starts_with(&self.shares[robot].prefix)
             }
         };
-        let friction = [Message::GROUND_FRICTION, Message::OBJECT_FRICTION, Message::FRICTION]
+        let friction = [Property::GroundFriction, Property::ObjectFriction, Property::Friction]
             .contains(&quantity.property);
         for surface in surfaces.iter_mut().filter(|surface| own(&surface.name)) {
             if friction {
@@ -166,12 +169,12 @@ impl Scene<'_> {
 }
 
 /// Multiplies a setting of an actuator.
-pub(super) fn vary(settings: &mut ActuatorSettings, property: u32, value: f64) {
+pub(super) fn vary(settings: &mut ActuatorSettings, property: Property, value: f64) {
     match property {
-        Message::ACTUATOR_DELAY => settings.delay *= value,
-        Message::ACTUATOR_LAG => settings.lag *= value,
-        Message::ACTUATOR_RATE_LIMIT => settings.rate_limit = settings.rate_limit.map(|rate| rate * value),
-        Message::ACTUATOR_BACKLASH => {
+        Property::ActuatorDelay => settings.delay *= value,
+        Property::ActuatorLag => settings.lag *= value,
+        Property::ActuatorRateLimit => settings.rate_limit = settings.rate_limit.map(|rate| rate * value),
+        Property::ActuatorBacklash => {
             settings.drivetrain.iter_mut().for_each(|drivetrain| drivetrain.backlash *= value);
         }
         _ => settings.drivetrain.iter_mut().for_each(|drivetrain| drivetrain.stiffness *= value),

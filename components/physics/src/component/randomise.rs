@@ -1,29 +1,17 @@
-//! Physical properties drawn anew at the start of every episode, and in time.
-
-mod config;
-mod quantity;
-mod varied;
+//! Physical properties sampled at the start of every episode, and within it.
 
 use std::collections::VecDeque;
 
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::{ConfigError, Declare, StepError};
-use motorium::state::{Digest, Randomisation as Message};
+use motorium::state::{MAX_DRAWN, Randomisation as Message};
 use motorium::telemetry::set_apart;
 use motorium::transport::Output;
-use rand::{RngExt as _, SeedableRng as _};
-use rand_pcg::Pcg64;
 use serde_json::{Map, Value, json};
-
-pub use config::{
-    ActuatorIntervals, Interval, ObjectIntervals, PlaceIntervals, RandomiseConfig, RobotIntervals,
-    SurfaceIntervals, TerrainIntervals,
-};
-use quantity::{Quantity, check_ties, quantities};
-use varied::{Scene, Share, shares};
 
 use super::PhysicsEngine;
 use super::build::{Built, BuiltRobot};
+use crate::randomise::{Draws, Property, Quantity, RandomiseConfig, RandomisedRobot, RangeError, check_ties};
 use crate::{Connection, Properties, ResetError, Simulation, Simulator};
 
 /// Episodes whose draws are in the report: the newest.
@@ -31,11 +19,7 @@ const REPORTED: usize = 64;
 
 /// Draws the properties of each episode, applies them, and tells them.
 pub(super) struct Randomiser {
-    quantities: Vec<Quantity>,
-    shares: Vec<Share>,
-    nominal: Properties,
-    /// Start without a displacement (nq).
-    q: Vec<f64>,
+    draws: Draws,
     /// Articulations whose floating base is put on the ground.
     on_ground: Vec<usize>,
     /// One for each robot.
@@ -73,8 +57,9 @@ pub(super) fn declare<E: PhysicsEngine>(
         return Ok(());
     }
     let nominal = built.simulation.properties();
-    quantities(config, &built.robots, &nominal)?;
-    check_ties(config, nominal.world.connections.iter().chain(connections))?;
+    let q = built.simulation.configuration();
+    draws(config, &built.robots, (nominal.clone(), q))?;
+    check_ties(config, nominal.world.connections.iter().chain(connections)).map_err(in_table)?;
     if config.every.is_some() && !E::CAPABILITIES.changes {
         let message = format!("the {} engine takes other properties at resets alone", E::NAME);
         return Err(ConfigError::key("randomise.every", message).advise("use `physics.articulated`"));
@@ -83,6 +68,74 @@ pub(super) fn declare<E: PhysicsEngine>(
         declare.output::<Message>(&robot.port(PORT), "physical properties drawn for the episode");
     }
     Ok(())
+}
+
+/// The samples of this table for these robots, of which each message has room for `MAX_DRAWN`.
+fn draws(
+    config: &RandomiseConfig,
+    robots: &[BuiltRobot],
+    (nominal, q): (Properties, &[f64]),
+) -> Result<Draws, ConfigError> {
+    let of_robot = |robot: &BuiltRobot| RandomisedRobot {
+        name: robot.name.clone(),
+        articulation: robot.articulation,
+        model: robot.loaded.model.clone(),
+    };
+    let robots: Vec<_> = robots.iter().map(of_robot).collect();
+    let draws = Draws::new(config, &robots, (nominal, q)).map_err(in_table)?;
+    for index in 0..robots.len() {
+        let own = |quantity: &&Quantity| quantity.robot.is_none_or(|robot| robot == index);
+        let count = draws.quantities().iter().filter(own).count();
+        if count > MAX_DRAWN {
+            let message = format!("{count} numbers are sampled, at most {MAX_DRAWN} fit into a message");
+            return Err(ConfigError::key("randomise", message).advise("sample fewer properties"));
+        }
+    }
+    Ok(draws)
+}
+
+/// An error in the `randomise` table as one of the component's configuration.
+fn in_table(error: RangeError) -> ConfigError {
+    let RangeError { key, message, advice } = error;
+    ConfigError { key: Some(format!("randomise.{key}")), message, advice }
+}
+
+/// The property and the part of a quantity in a message.
+fn code(quantity: &Quantity) -> (u32, u32) {
+    let property = match quantity.property {
+        Property::BaseMass => return (Message::BODY_MASS, Message::BASE),
+        Property::Gravity => Message::GRAVITY,
+        Property::GroundFriction => Message::GROUND_FRICTION,
+        Property::GroundRestitution => Message::GROUND_RESTITUTION,
+        Property::TerrainSeed => Message::TERRAIN_SEED,
+        Property::TerrainScale => Message::TERRAIN_SCALE,
+        Property::BodyMass => Message::BODY_MASS,
+        Property::Friction => Message::FRICTION,
+        Property::Restitution => Message::RESTITUTION,
+        Property::Damping => Message::DAMPING,
+        Property::JointFriction => Message::JOINT_FRICTION,
+        Property::EffortLimit => Message::EFFORT_LIMIT,
+        Property::Start => Message::START,
+        Property::BaseX => Message::BASE_X,
+        Property::BaseY => Message::BASE_Y,
+        Property::BaseZ => Message::BASE_Z,
+        Property::BaseYaw => Message::BASE_YAW,
+        Property::ObjectMass => Message::OBJECT_MASS,
+        Property::ObjectFriction => Message::OBJECT_FRICTION,
+        Property::ObjectRestitution => Message::OBJECT_RESTITUTION,
+        Property::ObjectX => Message::OBJECT_X,
+        Property::ObjectY => Message::OBJECT_Y,
+        Property::ObjectZ => Message::OBJECT_Z,
+        Property::ObjectYaw => Message::OBJECT_YAW,
+        Property::ActuatorGain => Message::ACTUATOR_GAIN,
+        Property::ActuatorStrength => Message::ACTUATOR_STRENGTH,
+        Property::ActuatorDelay => Message::ACTUATOR_DELAY,
+        Property::ActuatorLag => Message::ACTUATOR_LAG,
+        Property::ActuatorRateLimit => Message::ACTUATOR_RATE_LIMIT,
+        Property::ActuatorBacklash => Message::ACTUATOR_BACKLASH,
+        Property::ActuatorStiffness => Message::ACTUATOR_STIFFNESS,
+    };
+    (property, quantity.part as u32)
 }
 
 impl Randomiser {
@@ -95,20 +148,17 @@ impl Randomiser {
         if config.is_empty() {
             return Ok(None);
         }
-        let nominal = simulation.properties();
-        let quantities = quantities(config, robots, &nominal).map_err(ConfigureError::Config)?;
+        let draws = draws(config, robots, (simulation.properties(), simulation.configuration()))
+            .map_err(ConfigureError::Config)?;
         let outputs: Result<_, _> =
             robots.iter().map(|robot| setup.named_output(&robot.port(PORT))).collect();
         Ok(Some(Self {
-            shares: shares(robots),
-            q: simulation.configuration().to_vec(),
             outputs: outputs?,
             episodes: VecDeque::new(),
             pending: false,
             every_ns: config.every.map(|every| every.ns),
             drives: vec![[1.0; 2]; simulation.joint_names().len()],
-            quantities,
-            nominal,
+            draws,
             on_ground,
         }))
     }
@@ -119,9 +169,8 @@ impl Randomiser {
         simulation: &mut Simulation<E>,
         (episode, seed): (u64, u64),
     ) -> Result<(), ResetError> {
-        let values = self.values(seed, 0);
-        let scene = Scene { nominal: &self.nominal, shares: &self.shares, q: &self.q };
-        let start = scene.varied(&self.quantities, &values);
+        let values = self.draws.values(seed, 0);
+        let start = self.draws.apply(&values);
         let v = vec![0.0; simulation.velocity().len()];
         simulation.reset_with(&start.properties, &start.q, &v)?;
         if start.moved && !self.on_ground.is_empty() {
@@ -155,22 +204,12 @@ impl Randomiser {
         }
         set_apart(|| {
             let number = time_ns / every;
-            let values = self.values(seed, number);
-            let scene = Scene { nominal: &self.nominal, shares: &self.shares, q: &self.q };
-            let varied = scene.varied(&self.quantities, &values);
+            let values = self.draws.values(seed, number);
+            let varied = self.draws.apply(&values);
             simulation.change(&varied.properties)?;
             self.note(simulation, Draw { episode, seed, number, values }, &varied.drives);
             Ok(())
         })
-    }
-
-    /// The values of all quantities in a part of an episode.
-    fn values(&self, seed: u64, number: u64) -> Vec<f64> {
-        let value = |quantity: &Quantity| {
-            let number = if quantity.changes() { number } else { 0 };
-            quantity.at(share((seed, number), &quantity.path))
-        };
-        self.quantities.iter().map(value).collect()
     }
 
     /// Keeps a draw, and hands its factors to the drives.
@@ -212,11 +251,11 @@ impl Randomiser {
             let own = |quantity: &Quantity| quantity.robot.is_none_or(|robot| robot == index);
             let mut message = output.loan()?;
             (message.episode, message.seed) = (draw.episode, draw.seed);
-            message.set_count(self.quantities.iter().filter(|quantity| own(quantity)).count());
-            let drawn = self.quantities.iter().zip(&draw.values).filter(|(quantity, _)| own(quantity));
+            message.set_count(self.draws.quantities().iter().filter(|quantity| own(quantity)).count());
+            let drawn =
+                self.draws.quantities().iter().zip(&draw.values).filter(|(quantity, _)| own(quantity));
             for (entry, (quantity, value)) in drawn.enumerate() {
-                message.property_mut()[entry] = quantity.property;
-                message.part_mut()[entry] = quantity.part;
+                (message.property_mut()[entry], message.part_mut()[entry]) = code(quantity);
                 message.value_mut()[entry] = *value;
             }
             message.publish()?;
@@ -234,7 +273,7 @@ impl Randomiser {
                 let from = draw.number as f64 * every as f64 * 1e-9;
                 report.insert("from_s".to_owned(), json!(from));
             }
-            for (quantity, value) in self.quantities.iter().zip(&draw.values) {
+            for (quantity, value) in self.draws.quantities().iter().zip(&draw.values) {
                 insert(&mut report, &quantity.path, *value);
             }
             Value::Object(report)
@@ -255,62 +294,12 @@ fn insert(table: &mut Map<String, Value>, path: &[String], value: f64) {
     }
 }
 
-/// A number from 0 to 1 for a quantity, evenly distributed over the seeds. It depends on the seed, the number of the draw in its episode and the
-/// path alone: another range changes no other draw.
-fn share((seed, number): (u64, u64), path: &[String]) -> f64 {
-    let mut digest = Digest::default();
-    digest.write_u64(seed);
-    if number > 0 {
-        digest.write_u64(number);
-    }
-    for part in path {
-        digest.write(part.as_bytes());
-        // no byte of UTF-8
-        digest.write(&[0xFF]);
-    }
-    Pcg64::seed_from_u64(digest.finish()).random()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn path(name: &str) -> Vec<String> {
-        vec!["mass".to_owned(), name.to_owned()]
-    }
-
     #[test]
-    fn draws_are_evenly_distributed_over_seeds_and_over_parts() {
-        for by_seed in [true, false] {
-            let draws: Vec<f64> = (0..4000_u64)
-                .map(|k| {
-                    if by_seed {
-                        share((k, 0), &path("arm"))
-                    } else {
-                        share((1, 0), &path(&format!("link{k}")))
-                    }
-                })
-                .collect();
-            let mean = draws.iter().sum::<f64>() / 4000.0;
-            let variance = draws.iter().map(|draw| (draw - mean).powi(2)).sum::<f64>() / 4000.0;
-            // five standard deviations of the mean of 4000
-            assert!((mean - 0.5).abs() < 5.0 * (1.0_f64 / 12.0 / 4000.0).sqrt(), "{mean}");
-            assert!((variance - 1.0 / 12.0).abs() < 0.005, "{variance}");
-            assert!(draws.iter().all(|draw| (0.0..1.0).contains(draw)));
-        }
-    }
-
-    #[test]
-    fn the_same_seed_and_name_draw_the_same_and_others_differ() {
-        assert_eq!(share((7, 0), &path("arm")).to_bits(), share((7, 0), &path("arm")).to_bits());
-        assert_ne!(share((7, 0), &path("arm")), share((8, 0), &path("arm")));
-        assert_ne!(share((7, 0), &path("arm")), share((7, 1), &path("arm")));
-        assert_ne!(share((7, 0), &path("arm")), share((7, 0), &path("leg")));
-        assert_ne!(share((7, 0), &["ab".into(), "c".into()]), share((7, 0), &["a".into(), "bc".into()]));
-    }
-
-    #[test]
-    fn a_seed_comes_out_of_a_checkpoint_as_it_went_in() {
+    fn a_seed_survives_a_checkpoint() {
         for seed in [0, 1, u64::MAX, 0x1234_5678_9ABC_DEF0] {
             let numbers = [3.0, (seed >> 32) as f64, (seed & 0xFFFF_FFFF) as f64];
             assert_eq!(Randomiser::episode(numbers), (3, seed));

@@ -1,0 +1,169 @@
+//! The newest value of a topic, in place, from outside the graph.
+
+#![allow(unsafe_code)] // bytes are read as a type whose layout was compared with the topic's
+
+use core::any::TypeId;
+use core::cell::Cell;
+use std::rc::Rc;
+
+use iceoryx2::node::Node;
+
+use super::latest::{StateReader, TopicMemory};
+use super::stream::{Queue, Received, parts, receive};
+use super::tap::first_place;
+use super::topic::{open_queue, same_layout};
+use super::{PortError, refused};
+use crate::declare::TopicPattern;
+use crate::domain::{Domain, Shared};
+use crate::os::Lock;
+use crate::plan::TopicPlan;
+use crate::state::{Stamp, StateBuffer, TypeLayout};
+
+/// A reader of the newest value of a topic, in place, for programs outside the graph.
+///
+/// The writer does nothing for it and never waits for it. [`poll`](Self::poll) pins the newest value; the value stays
+/// valid and unchanged until the next `poll`, whatever its size and however long the reader takes. A topic has places for
+/// four readers from outside at a time, shared with [taps](super::Tap); the place of a killed program is free at once.
+///
+/// Of a stream, `poll` skips to the newest value. Use a [`Tap`](super::Tap) to read every value.
+///
+/// ```no_run
+/// # use motorium::{plan::Plan, state::JointState, transport::{Domain, PortError, TopicReader}};
+/// fn newest_positions(domain: &Domain, plan: &Plan) -> Result<Vec<f64>, PortError> {
+///     let mut reader = TopicReader::open(domain, &plan.topics[0])?;
+///     reader.poll();
+///     Ok(reader.value::<JointState>()?.map_or_else(Vec::new, |state| state.position().to_vec()))
+/// }
+/// ```
+#[derive(Debug)]
+pub struct TopicReader {
+    topic: TopicPlan,
+    source: Source,
+    /// The type whose layout was last found to be the topic's.
+    known: Cell<Option<TypeId>>,
+    /// Held for as long as the pin is used; dropped after it.
+    _place: Option<Lock>,
+    _node: Option<Node<Shared>>,
+}
+
+#[derive(Debug)]
+enum Source {
+    State(StateReader),
+    Stream { queue: Queue, newest: Option<Received> },
+}
+
+impl TopicReader {
+    /// Joins a topic. There is no value before the first [`poll`](Self::poll).
+    ///
+    /// # Errors
+    /// The run or the topic cannot be reached, or four other programs read it.
+    pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
+        let node = domain.node().map_err(|error| refused(&topic.name, "joining the run")(&error))?;
+        let reader = Self::join(domain, &node, topic)?;
+        Ok(Self { _node: Some(node), ..reader })
+    }
+
+    /// As [`open`](Self::open), through a node of the domain that outlives the reader.
+    pub(crate) fn join(domain: &Domain, node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
+        let (source, place) = match topic.pattern {
+            TopicPattern::State => {
+                let memory = TopicMemory::open(node, topic)?;
+                let (place, pin) = side_pin(domain, topic, &memory)?;
+                (Source::State(StateReader::new(Rc::new(memory), pin)), Some(place))
+            }
+            TopicPattern::Stream { .. } | TopicPattern::Slices { .. } => {
+                (Source::Stream { queue: open_queue(node, topic)?, newest: None }, None)
+            }
+        };
+        Ok(Self { topic: topic.clone(), source, known: Cell::new(None), _place: place, _node: None })
+    }
+
+    /// The layout of the topic's values; of one element, where it carries slices.
+    pub fn layout(&self) -> &TypeLayout {
+        &self.topic.layout
+    }
+
+    /// Pins the newest value. Returns true if it is another one than before.
+    pub fn poll(&mut self) -> bool {
+        match &mut self.source {
+            Source::State(reader) => {
+                if reader.newest() < reader.seen() {
+                    // A new episode has begun and takes back what was published before.
+                    reader.begin_episode();
+                }
+                reader.look()
+            }
+            Source::Stream { queue, newest } => {
+                let mut is_new = false;
+                // The older sample is returned first: a queue lends two at a time.
+                while let Some(sample) = receive(queue) {
+                    *newest = Some(sample);
+                    is_new = true;
+                }
+                is_new
+            }
+        }
+    }
+
+    /// The time and the publisher of the pinned value; `None` before the first publication.
+    pub fn stamp(&self) -> Option<&Stamp> {
+        self.pinned().map(|(stamp, _)| stamp)
+    }
+
+    /// The pinned value in the [layout](Self::layout) of the topic: all elements of a slice, one after the other.
+    pub fn bytes(&self) -> Option<&[u8]> {
+        self.pinned().map(|(_, bytes)| bytes)
+    }
+
+    /// The pinned value as a type; `None` before the first publication.
+    ///
+    /// # Errors
+    /// The topic has another layout than `T`, or carries slices.
+    pub fn value<T: StateBuffer>(&self) -> Result<Option<&T>, PortError> {
+        if self.known.get() != Some(TypeId::of::<T>()) {
+            same_layout::<T>(&self.topic, "the reader")?;
+            if matches!(self.topic.pattern, TopicPattern::Slices { .. }) {
+                return Err(refused(&self.topic.name, "reading a value")(
+                    &"it carries slices: read their bytes",
+                ));
+            }
+            self.known.set(Some(TypeId::of::<T>()));
+        }
+        // SAFETY: the bytes are one value of this layout, aligned by the transport; every bit pattern is a valid value.
+        Ok(self.bytes().map(|bytes| unsafe { &*bytes.as_ptr().cast::<T>() }))
+    }
+
+    /// Forgets what was read in the episode before.
+    pub(crate) fn begin_episode(&mut self) {
+        match &mut self.source {
+            Source::State(reader) => reader.begin_episode(),
+            Source::Stream { queue, newest } => {
+                while receive(queue).is_some() {}
+                *newest = None;
+            }
+        }
+    }
+
+    fn pinned(&self) -> Option<(&Stamp, &[u8])> {
+        match &self.source {
+            Source::State(reader) => reader.current_bytes(),
+            Source::Stream { newest, .. } => newest.as_ref().map(parts),
+        }
+    }
+}
+
+/// Takes one of the pins of a topic for readers outside the graph, with the lock that keeps it. The system frees the lock
+/// when this process ends.
+pub(super) fn side_pin(
+    domain: &Domain,
+    topic: &TopicPlan,
+    memory: &TopicMemory,
+) -> Result<(Lock, usize), PortError> {
+    let (file, first) = (domain.lock_file(), first_place(&topic.name));
+    let take = |place: usize| Lock::take(&file, first + place as u32).ok().flatten();
+    let free = memory.side_pins().enumerate().find_map(|(place, pin)| Some((take(place)?, pin)));
+    free.ok_or_else(|| {
+        let full = &"its four places for readers outside the graph are taken by running programs";
+        refused(&topic.name, "reading it from outside")(full)
+    })
+}
