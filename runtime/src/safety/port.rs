@@ -362,7 +362,7 @@ impl CommandGate {
     fn write(&self, state: GateState, latch: Option<Latch>, verdict: Verdict) {
         let block = self.context.block();
         let (state, latch) = self.group.show(self.place, state, latch);
-        block.gate.set(state, latch);
+        block.gate.set(state, latch, self.context.clock().step_ns());
         // Of this process: its predecessor may have been killed in the safe state and left the flag set.
         if let Verdict::Safe { entered: true, .. } = verdict {
             block.safe_since_ns.store(monotonic_ns(), Relaxed);
