@@ -83,7 +83,7 @@ fn shortfalls(component: &ComponentPlan, block: &ComponentBlock, now_ns: u64) ->
     }
     let share = block.gate.safe_ns(now_ns) as f64 / lasted_ns as f64;
     let allowed = component.liveness.lost_steps;
-    if !block.gate.has_followed() && found.is_empty() {
+    if !block.gate.has_followed() && found.is_empty() && allowed < 1.0 {
         found.push(format!("`{name}` was in its safe state for the whole run: no command was applied"));
     } else if share > allowed {
         let (share, allowed) = (LostShare(share), LostShare(allowed));
