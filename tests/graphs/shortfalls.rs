@@ -62,13 +62,21 @@ fn an_actuator_without_commands_is_reported() {
 #[test]
 fn a_stop_is_confirmed_by_an_actuator_that_is_being_restarted() {
     let _machine = machine();
-    let settings = ["--for", "60 s", "--set", "component.physics.restart={ when = \"failure\", at_most = 100 }"];
+    let settings =
+        ["--for", "60 s", "--set", "component.physics.restart={ when = \"failure\", at_most = 100 }"];
     let run = Run::start(&panda_reach(), &settings);
     kill(run.pid_of("physics"));
     let (code, text) = motorium(&run, &["stop", "--now", "--json"]);
-    let confirmed: serde_json::Value = serde_json::from_str(text.lines().take_while(|line| !line.starts_with("error")).collect::<String>().as_str()).unwrap_or_default();
+    let confirmed: serde_json::Value = serde_json::from_str(
+        text.lines().take_while(|line| !line.starts_with("error")).collect::<String>().as_str(),
+    )
+    .unwrap_or_default();
     let has_confirmed = confirmed[0]["after_ms"].is_number();
-    assert_eq!((code == Some(0), confirmed[0]["name"].as_str()), (has_confirmed, Some("physics")), "{code:?} {text}");
+    assert_eq!(
+        (code == Some(0), confirmed[0]["name"].as_str()),
+        (has_confirmed, Some("physics")),
+        "{code:?} {text}"
+    );
     assert_eq!(motorium(&run, &["stop"]).0, Some(0));
     run.finish();
 }
@@ -139,7 +147,8 @@ fn a_replaced_program_still_starts_its_own_guard() {
             let relaxed = std::sync::atomic::Ordering::Relaxed;
             (region.header().launcher.load(relaxed), region.header().guard.load(relaxed))
         };
-        let mut own = region.map(|region| header(&region)).filter(|(own, guard)| *own == launcher && *guard != 0);
+        let mut own =
+            region.map(|region| header(&region)).filter(|(own, guard)| *own == launcher && *guard != 0);
         own.next().map(|(_, guard)| guard)
     };
     await_that("it has a guard", || guard().is_some());
@@ -158,5 +167,9 @@ fn a_replaced_program_still_starts_its_own_guard() {
     };
     let ended = Ended::of(&output);
     assert_eq!(ended.stderr.matches("`guard`").count(), 1, "{}", ended.stderr);
-    assert!(!ended.report().warnings.iter().any(|warning| warning.contains("guard")), "{:?}", ended.report().warnings);
+    assert!(
+        !ended.report().warnings.iter().any(|warning| warning.contains("guard")),
+        "{:?}",
+        ended.report().warnings
+    );
 }

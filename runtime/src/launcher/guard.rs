@@ -179,7 +179,8 @@ impl Roster {
     /// Looks for new processes and for ends. `alive_ns` is the launcher's last sign of life.
     fn look(&mut self, (plan, region, folder): (&Plan, &Region, &RunFolder), alive_ns: u64, now: u64) {
         let launcher = *self.launcher.get_or_insert_with(|| region.header().launcher.load(Relaxed));
-        for (seen, (_, block)) in self.workers.iter_mut().zip(plan.components.iter().zip(region.components())) {
+        for (seen, (_, block)) in self.workers.iter_mut().zip(plan.components.iter().zip(region.components()))
+        {
             let pid = block.pid.load(Relaxed);
             if pid != 0 && pid != launcher && seen.as_ref().is_none_or(|seen| seen.pid != pid) {
                 let watch = Watch::new(pid).ok().filter(|_| is_of_run(pid, folder, Some(launcher)));
@@ -195,9 +196,9 @@ impl Roster {
 
     /// The first component that ended and on whose end nobody has acted.
     fn unhandled(&self) -> Option<usize> {
-        self.workers.iter().position(|seen| {
-            seen.as_ref().is_some_and(|seen| seen.ended_ns.is_some() && !seen.is_handled)
-        })
+        self.workers
+            .iter()
+            .position(|seen| seen.as_ref().is_some_and(|seen| seen.ended_ns.is_some() && !seen.is_handled))
     }
 
     /// True if the process of a component lives.
@@ -219,13 +220,7 @@ impl Silence {
 
     /// The first component that needs the launcher, as text: it died since the launcher's last sign of life, hangs, or was
     /// about to be restarted.
-    fn needs_launcher(
-        &mut self,
-        roster: &Roster,
-        plan: &Plan,
-        region: &Region,
-        now: u64,
-    ) -> Option<String> {
+    fn needs_launcher(&mut self, roster: &Roster, plan: &Plan, region: &Region, now: u64) -> Option<String> {
         let name = |index: usize| &plan.components[index].name;
         if let Some(index) = roster.unhandled() {
             return Some(format!("component `{}` ended", name(index)));
@@ -284,7 +279,10 @@ mod tests {
 
     #[test]
     fn the_parent_of_a_process_is_found_by_its_number() {
-        assert_eq!(parent_of(std::process::id()), Some(rustix::process::getppid().unwrap().as_raw_nonzero().get() as u32));
+        assert_eq!(
+            parent_of(std::process::id()),
+            Some(rustix::process::getppid().unwrap().as_raw_nonzero().get() as u32)
+        );
         assert_eq!(parent_of(0), None);
     }
 }

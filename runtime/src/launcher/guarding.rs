@@ -114,7 +114,8 @@ impl Launch {
         // Until then it did its work: it says that it is alive.
         let worked = self.region.header().guard_alive_ns.load(Relaxed) > guard.since_ns;
         guard.failures = if worked { 0 } else { guard.failures + 1 };
-        let delay_ns = guard.history.grant(&POLICY, true, worked.then_some(guard.since_ns), now).unwrap_or_default();
+        let delay_ns =
+            guard.history.grant(&POLICY, true, worked.then_some(guard.since_ns), now).unwrap_or_default();
         guard.due_ns = Some(now + delay_ns);
         guard.child = None;
         let consequence = match delay_ns / 1_000_000 {

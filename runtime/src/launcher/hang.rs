@@ -104,7 +104,7 @@ impl Launch {
         for (index, supervision) in supervision.iter().enumerate() {
             let (component, block) = (&self.plan.components[index], &self.region.components()[index]);
             let name = &component.name;
-            if let Some(reason) = supervision.lost() {
+            if let Some(reason) = &supervision.lost {
                 self.warnings.push(format!("`{name}` ended before the run: {reason}"));
                 continue;
             }

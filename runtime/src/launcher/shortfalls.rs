@@ -32,9 +32,10 @@ impl Launch {
         let mut found = Vec::new();
         for (index, component) in self.plan.components.iter().enumerate() {
             let name = &component.name;
-            if let Some(supervision) = self.supervision.get(index).filter(|supervision| supervision.is_gone()) {
+            if let Some(supervision) = self.supervision.get(index).filter(|supervision| supervision.is_gone())
+            {
                 // In real time this was noted before the end.
-                let lost = supervision.lost().filter(|_| self.plan.clock == ClockKind::Lockstep);
+                let lost = supervision.lost.as_ref().filter(|_| self.plan.clock == ClockKind::Lockstep);
                 found.extend(lost.map(|reason| format!("`{name}` ended before the run: {reason}")));
                 continue;
             }

@@ -230,7 +230,8 @@ impl Launch {
                     self.warnings.push(format!("`{name}` did not reach its safe state before the end"));
                 }
                 Reached::Dead => {
-                    self.warnings.push(format!("`{name}` ended before the robot had settled: nothing held it"));
+                    self.warnings
+                        .push(format!("`{name}` ended before the robot had settled: nothing held it"));
                 }
             }
         }

@@ -57,7 +57,7 @@ pub(super) struct Supervision {
     crashes: u32,
     gone: bool,
     /// Reason for which it has ended, of one without which the graph continues.
-    lost: Option<String>,
+    pub(super) lost: Option<String>,
     tolerated: u64,
 }
 
@@ -93,11 +93,6 @@ impl Supervision {
     /// True if it has ended for good.
     pub(super) fn is_gone(&self) -> bool {
         self.gone
-    }
-
-    /// Reason for which it ended, if the graph continued without it.
-    pub(super) fn lost(&self) -> Option<&str> {
-        self.lost.as_deref()
     }
 
     /// True if it has ended and not stepped since; `steps` is the number that it has done.

@@ -45,7 +45,8 @@ impl Component for Iceoryx2Bridge {
             let warning = declare.warn(
                 "simulated time does not wait for foreign programs: they may miss every value, and no two runs are the same",
             );
-            warning.advise("run it in real time, or simulate the foreign program by a component in its place");
+            warning
+                .advise("run it in real time, or simulate the foreign program by a component in its place");
         }
         Ok(())
     }

@@ -90,7 +90,9 @@ impl Component for UdpSensor {
             LocalUsers::Any => None,
             LocalUsers::Own => Some(Owners::open().map_err(|error| {
                 let advice = "`local_users = \"any\"` trusts every user of this machine";
-                ConfigureError::failed(format!("the owners of sending sockets are unknown: {error}; {advice}"))
+                ConfigureError::failed(format!(
+                    "the owners of sending sockets are unknown: {error}; {advice}"
+                ))
             })?),
         };
         let senders = config.senders().map_err(refused)?;

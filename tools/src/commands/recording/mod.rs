@@ -44,11 +44,7 @@ pub(super) struct Overlay(PathBuf);
 
 impl Overlay {
     /// Writes the file.
-    pub(super) fn recording(
-        output: &Path,
-        last: Option<TimeSpan>,
-        overwrite: bool,
-    ) -> anyhow::Result<Self> {
+    pub(super) fn recording(output: &Path, last: Option<TimeSpan>, overwrite: bool) -> anyhow::Result<Self> {
         anyhow::ensure!(
             !output.is_dir(),
             "{} is a folder, expected the file of a recording",

@@ -60,7 +60,9 @@ pub(super) fn max_age(
     let max_age = good_or(&table.emergency_stop_max_age, default);
     if let Some(at) = at.filter(|_| max_age > LONGEST) {
         report
-            .error(format!("`emergency_stop_max_age` is {max_age}: a dead button would go unnoticed for so long"))
+            .error(format!(
+                "`emergency_stop_max_age` is {max_age}: a dead button would go unnoticed for so long"
+            ))
             .at(&at.span, format!("expected at most {LONGEST}"))
             .advise("let the feeder repeat its value several times a second");
     }
@@ -74,10 +76,14 @@ pub(super) fn max_age(
         wiring.writer(wire.topic?)
     });
     let Some(writer) = writer.map(|wire| wire.component) else { return max_age };
-    if let Some(period_ns) = timing.period_ns(writer).filter(|period_ns| *period_ns > max_age.ns && max_age.ns > 0) {
+    if let Some(period_ns) =
+        timing.period_ns(writer).filter(|period_ns| *period_ns > max_age.ns && max_age.ns > 0)
+    {
         let (name, period) = (drafts[writer].name, TimeSpan { ns: period_ns });
         report
-            .warning(format!("the emergency stop counts as pressed between two values: `{name}` writes one every {period}"))
+            .warning(format!(
+                "the emergency stop counts as pressed between two values: `{name}` writes one every {period}"
+            ))
             .at(at.map_or(&topic.span, |at| &at.span), format!("`emergency_stop_max_age` is {max_age}"))
             .advise(format!("run `{name}` faster, or allow more than {period}"));
     }
