@@ -50,12 +50,12 @@ impl Launch {
         self.warnings.extend(found);
     }
 
-    /// Notes what components say about themselves: the texts under `warnings` of their results.
+    /// Notes what components say about themselves: the texts under `shortfalls` of their results.
     pub(super) fn note_results(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let mut found = Vec::new();
         for component in &self.plan.components {
             let result = self.folder.result(&component.name);
-            let warnings = result.as_ref().and_then(|result| result.get("warnings")?.as_array());
+            let warnings = result.as_ref().and_then(|result| result.get("shortfalls")?.as_array());
             let texts = warnings.into_iter().flatten().filter_map(|warning| warning.as_str());
             found.extend(texts.map(|text| format!("`{}`: {text}", component.name)));
         }

@@ -185,9 +185,9 @@ impl Component for Record {
         let Outcome { counts, cpu_ns, ended } =
             self.outcome.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let lost = |reason| format!("the recording {} ended before the run: {reason}", self.output.display());
-        let warnings: Vec<String> = ended.as_ref().map(lost).into_iter().collect();
+        let shortfalls: Vec<String> = ended.as_ref().map(lost).into_iter().collect();
         Some(serde_json::json!({
-            "warnings": warnings,
+            "shortfalls": shortfalls,
             "file": self.output,
             "samples": counts.samples,
             "lost": counts.lost,
