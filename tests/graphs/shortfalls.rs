@@ -126,6 +126,22 @@ fn a_recording_is_not_overwritten_unless_told() {
 }
 
 #[test]
+fn check_warns_of_a_bridge_in_lockstep() {
+    let warning = "simulated time does not wait for foreign programs";
+    for (clock, is_warned) in [("realtime", false), ("lockstep", true)] {
+        let output = Command::new(MOTORIUM)
+            .args(["check", "graphs/panda-bridge.toml", "--set", &format!("clock={clock}")])
+            .current_dir(workspace())
+            .output()
+            .expect("motorium starts");
+        let text =
+            format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(text.contains(warning), is_warned, "{clock}: {text}");
+    }
+}
+
+#[test]
 fn a_replaced_program_still_starts_its_own_guard() {
     let _machine = machine();
     let scratch = tempfile::tempdir().expect("a folder");
