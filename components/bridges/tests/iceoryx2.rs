@@ -126,7 +126,7 @@ fn a_pressed_stop_wins_over_newer_values_and_limits() {
         }
         Some(state(tick.index))
     });
-    Graph::new(name).with(source).with(bridge).with(&probe).run("200 ms").unwrap();
+    Graph::new(&name).with(source).with(bridge).with(&probe).run("200 ms").unwrap();
     let pressed: Vec<u64> =
         probe.samples().iter().map(|sample| sample.value.stop).filter(|stop| *stop != 0).collect();
     assert_eq!(pressed, [42, 82]);
