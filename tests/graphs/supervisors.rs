@@ -176,12 +176,15 @@ fn a_stopped_launcher_is_told_and_supervises_the_graph_again_when_it_goes_on() {
 #[test]
 fn with_a_stopped_launcher_the_guard_ends_the_run_when_a_component_dies_or_hangs() {
     let _machine = machine();
-    for how in [Signal::KILL, Signal::STOP] {
+    // also of what ends before the guard has noticed the silence, which lasts 1 s
+    for (how, after_ms) in
+        [(Signal::KILL, 1_200), (Signal::STOP, 1_200), (Signal::KILL, 60), (Signal::KILL, 700)]
+    {
         let run = Run::start(&panda_reach(), &["--for", "60 s"]);
         let id = run.folder.id().to_string();
         let guard = run.guard();
         signal(run.launcher(), Signal::STOP);
-        std::thread::sleep(Duration::from_millis(1_200));
+        std::thread::sleep(Duration::from_millis(after_ms));
         signal(run.pid_of("controller"), how);
         await_end(guard);
         let ended = run.finish();

@@ -1,36 +1,110 @@
-//! Exit codes, documented in the book. 2 is clap's, for wrong usage.
+//! Exit codes: one table, which the book prints.
 
 use std::process::ExitCode;
+
+use motorium::launcher::{Exit, Report};
+
+macro_rules! codes {
+    ($($(#[doc = $doc:literal])+ $name:ident = $code:literal, $meaning:literal;)*) => {
+        /// An exit code of the command.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[repr(u8)]
+        pub(crate) enum Code {
+            $($(#[doc = $doc])+ $name = $code,)*
+        }
+
+        impl Code {
+            /// All of them with their meaning, as the book has it.
+            #[cfg(test)]
+            const ALL: &[(Self, &str)] = &[$((Self::$name, $meaning)),*];
+        }
+    };
+}
+
+codes! {
+    /// All is as it should be.
+    Done = 0, "the run finished or was interrupted, and did what the graph asks; the command did what it was asked";
+    /// Something failed.
+    Failed = 1, "something failed: a component could not be started, there is no run to look at, a value was refused, a file cannot be read or would be overwritten, no actuator confirmed `motorium stop --now`";
+    /// Wrong usage; clap's.
+    Usage = 2, "wrong usage: an unknown command or option, an option that cannot be read; a component program started by hand";
+    /// A graph file, or another file that a person wrote, is not right.
+    Invalid = 3, "a file that a person wrote is not right: a graph, a robot, a benchmark (`bench compare`); also if that file is missing. Nothing was started";
+    /// The run ended in a safe stop.
+    SafeStop = 4, "the run ended in a safe stop";
+    /// The machine is not fit for what was asked.
+    Unfit = 5, "`motorium doctor`: the machine is not fit";
+    /// Something has become plainly slower than it was.
+    Slower = 6, "`motorium bench latency --ratchet`, `motorium bench compare`: something is plainly slower than it was";
+    /// The run ended in good order, but not as the graph asks.
+    Incomplete = 7, "the run ended in good order, but not as the graph asks: `warnings` of the report name each shortfall ([below](#shortfalls))";
+    /// The run ended in good order, but a figure of its report is not as expected.
+    Unmet = 8, "the run ended in good order, but a figure of its report is not as [expected](graph-file.md#expect)";
+}
+
+impl From<Code> for ExitCode {
+    fn from(code: Code) -> Self {
+        Self::from(code as u8)
+    }
+}
+
+impl Code {
+    /// The exit code of a finished run.
+    pub(crate) fn of_run(report: &Report) -> Self {
+        match &report.exit {
+            Exit::SafeStop { .. } => Self::SafeStop,
+            Exit::Finished if report.expectations.iter().any(|expectation| !expectation.met) => Self::Unmet,
+            Exit::Finished | Exit::Interrupted if report.warnings.is_empty() => Self::Done,
+            Exit::Finished | Exit::Interrupted => Self::Incomplete,
+        }
+    }
+}
 
 /// Something failed.
 pub(crate) const FAILED: ExitCode = ExitCode::FAILURE;
 
 /// A graph file, or another file that a person wrote, is not right.
 pub(crate) fn invalid() -> ExitCode {
-    ExitCode::from(3)
+    Code::Invalid.into()
 }
 
 /// The run ended in a safe stop.
 pub(crate) fn safe_stop() -> ExitCode {
-    ExitCode::from(4)
+    Code::SafeStop.into()
 }
 
 /// The machine is not fit for what was asked.
 pub(crate) fn unfit() -> ExitCode {
-    ExitCode::from(5)
-}
-
-/// The run ended in good order, but not as the graph asks.
-pub(crate) fn incomplete() -> ExitCode {
-    ExitCode::from(7)
-}
-
-/// The run ended in good order, but a figure of its report is not as expected.
-pub(crate) fn unmet() -> ExitCode {
-    ExitCode::from(8)
+    Code::Unfit.into()
 }
 
 /// Something has become plainly slower than it was.
 pub(crate) fn slower() -> ExitCode {
-    ExitCode::from(6)
+    Code::Slower.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_book_has_the_table_of_exit_codes() {
+        let book = include_str!("../../docs/src/safety.md");
+        let section = book.split_once("## Exit codes").expect("a section").1;
+        let rows: Vec<&str> = section.lines().filter(|line| line.starts_with("| ")).skip(1).collect();
+        let codes = Code::ALL.iter().map(|(code, meaning)| format!("| {} | {meaning} |", *code as u8));
+        assert_eq!(rows[..Code::ALL.len()], codes.collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_run_has_the_code_of_its_end() {
+        let mut report: Report = serde_json::from_str(include_str!("report/large.json")).expect("a report");
+        assert_eq!(Code::of_run(&report), Code::Done);
+        report.warnings.push("`physics` was in its safe state for 75 % of the run".to_string());
+        assert_eq!(Code::of_run(&report), Code::Incomplete);
+        report.exit = Exit::Interrupted;
+        assert_eq!(Code::of_run(&report), Code::Incomplete);
+        report.exit = Exit::SafeStop { reason: "a component died".to_string() };
+        assert_eq!(Code::of_run(&report), Code::SafeStop);
+    }
 }

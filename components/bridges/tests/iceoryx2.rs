@@ -10,6 +10,7 @@ use iceoryx2::prelude::{Node, NodeBuilder, SignalHandlingMode, ipc_threadsafe};
 use motorium::launcher::{Exit, Report};
 use motorium::prelude::*;
 use motorium::run_folder::RunFolder;
+use motorium::state::EmergencyStop;
 use motorium::testing::{Function, Graph, Instance, Probe, Source, machine};
 use motorium_bridges::Iceoryx2Bridge;
 use serde_json::Value;
@@ -94,6 +95,41 @@ fn graph(
         Some(state(tick.index))
     });
     (Graph::new(name).with(source).with(bridge(max_rate)).with(&probe), probe)
+}
+
+#[test]
+fn a_pressed_stop_wins_over_newer_values_and_limits() {
+    let limits = [("type", "motorium.EmergencyStop"), ("max_rate", "1 Hz")];
+    let limits = toml::Table::from_iter(limits.map(|(key, value)| (key.to_string(), value.into())));
+    let bridge = Instance::of::<Iceoryx2Bridge>("bridge")
+        .rate("200 Hz")
+        .publish("stop", "stop")
+        .config("in", toml::Table::from_iter([("stop".to_string(), toml::Value::Table(limits))]));
+    let (name, probe) = (name("pressed"), Probe::<EmergencyStop>::of("stop").triggered());
+    let run = name.clone();
+    let mut port = None;
+    let source = Source::new("arm", "arm/state", move |tick| {
+        if tick.index >= 10 {
+            let (_, publisher) = port.get_or_insert_with(|| {
+                let foreign = Foreign::join(&run).unwrap();
+                let service = foreign.0.service_builder(&"in/stop".try_into().unwrap());
+                let service = service.publish_subscribe::<EmergencyStop>().open().unwrap();
+                let publisher = service.publisher_builder().create().unwrap();
+                (foreign, publisher)
+            });
+            // Released, pressed and released again within one step of the bridge, twice.
+            if tick.index == 42 || tick.index == 82 {
+                for stop in [0, tick.index, 0] {
+                    publisher.send_copy(EmergencyStop { stop }).unwrap();
+                }
+            }
+        }
+        Some(state(tick.index))
+    });
+    Graph::new(&name).with(source).with(bridge).with(&probe).run("200 ms").unwrap();
+    let pressed: Vec<u64> =
+        probe.samples().iter().map(|sample| sample.value.stop).filter(|stop| *stop != 0).collect();
+    assert_eq!(pressed, [42, 82]);
 }
 
 fn inbound(report: &Report) -> &Value {

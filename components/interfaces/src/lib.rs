@@ -6,7 +6,7 @@ mod udp;
 use motorium::worker::Kind;
 
 pub use console::{ConsoleLog, ConsoleLogConfig};
-pub use udp::{UdpSensor, UdpSensorConfig};
+pub use udp::{LocalUsers, UdpSensor, UdpSensorConfig};
 
 /// The kinds of this crate, for a program that hosts them.
 ///

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use super::{ConfigureError, Setup};
 use crate::declare::TopicPattern;
-use crate::os::monotonic_ns;
+use crate::os::{Watch, monotonic_ns};
 use crate::plan::{ClockKind, Plan};
-use crate::region::{EventReader, EventRecord, Region};
+use crate::region::{Command, EventReader, EventRecord, Region};
 use crate::transport::{Domain, PortError, Tap};
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -75,6 +75,14 @@ impl Observer {
             ClockKind::Realtime => self.region.header().start_ns.load(Relaxed),
             ClockKind::Lockstep => 0,
         }
+    }
+
+    /// True if the launcher has died while the run was still to continue: it ends badly, and its guard may not have said
+    /// so yet.
+    pub fn is_orphaned(&self) -> bool {
+        let header = self.region.header();
+        let launcher = || Watch::new(header.launcher.load(Relaxed));
+        header.command() == Command::Run && !launcher().is_ok_and(|launcher| !launcher.has_ended())
     }
 
     /// Now on the clock of the events of the run and of the stamps of one in real time, ns.

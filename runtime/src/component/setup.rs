@@ -265,7 +265,8 @@ impl Setup {
             .map(|(i, latency)| Probe { index: i, max_ns: latency.max_ns, on_miss: latency.on_miss })
             .collect();
         let wakes_late = self.plan.stays_on_core(topic);
-        OutputPlace { index: topic, topic: &self.plan.topics[topic], probes, wakes_late }
+        let is_emergency_stop = self.plan.is_emergency_stop(topic);
+        OutputPlace { index: topic, topic: &self.plan.topics[topic], probes, wakes_late, is_emergency_stop }
     }
 
     /// Opens a declared output.

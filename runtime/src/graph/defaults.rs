@@ -44,6 +44,7 @@ pub(super) const STALE_AFTER: TimeSpan = TimeSpan { ns: 5 * MILLISECOND };
 pub(super) const SAFE_STATE: SafeState = SafeState::Hold;
 pub(super) const LIMITS: LimitPolicy = LimitPolicy::Clamp;
 pub(super) const RESUME: ResumeRule = ResumeRule::Near;
+pub(super) const EMERGENCY_STOP_MAX_AGE: TimeSpan = TimeSpan { ns: 500 * MILLISECOND };
 pub(super) const SETTLE: TimeSpan = TimeSpan { ns: 500 * MILLISECOND };
 
 /// Priority of the fastest real-time component; each slower rate gets [`PRIORITY_STEP`] less.

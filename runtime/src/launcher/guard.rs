@@ -17,7 +17,7 @@ use super::shutdown::Reached;
 use super::watchdog::{Counters, Watchdog};
 use crate::os::{Watch, monotonic_ns};
 use crate::plan::Plan;
-use crate::region::{Command, Region};
+use crate::region::{Command, Phase, Region};
 use crate::run_folder::RunFolder;
 
 /// Time between two looks at the launcher.
@@ -76,21 +76,29 @@ pub fn main(folder: &RunFolder) -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// The living workers of the run. A process number may have been reused since: only programs that were started for this
-/// run count.
+/// The living workers of the run.
 fn workers(plan: &Plan, region: &Region, folder: &RunFolder) -> Vec<(String, Watch)> {
-    plan.components
-        .iter()
-        .zip(region.components())
-        .filter_map(|(component, block)| {
-            let pid = block.pid.load(Relaxed);
-            let watch = Watch::new(pid).ok()?;
-            let arguments = std::fs::read(format!("/proc/{pid}/cmdline")).ok()?;
-            let path = folder.path().as_os_str().as_encoded_bytes();
-            let ours = arguments.windows(path.len()).any(|window| window == path);
-            ours.then(|| (component.name.clone(), watch))
-        })
-        .collect()
+    let workers = plan.components.iter().zip(region.components()).map(|(component, block)| {
+        let pid = block.pid.load(Relaxed);
+        let watch = Watch::new(pid).ok().filter(|watch| is_of_run(pid, folder, None) && !watch.has_ended());
+        watch.map(|watch| (component.name.clone(), watch))
+    });
+    workers.flatten().collect()
+}
+
+/// True if a process was started for this run: a process number may have been reused since. One that has ended and is not
+/// reaped has no arguments any more, but still its parent, the `launcher`.
+fn is_of_run(pid: u32, folder: &RunFolder, launcher: Option<u32>) -> bool {
+    let arguments = std::fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+    let path = folder.path().as_os_str().as_encoded_bytes();
+    arguments.windows(path.len()).any(|window| window == path)
+        || (arguments.is_empty() && launcher.is_some_and(|launcher| parent_of(pid) == Some(launcher)))
+}
+
+/// Parent of a process: in `stat` the second word behind its name, which may hold anything.
+fn parent_of(pid: u32) -> Option<u32> {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
+    stat.rsplit_once(')')?.1.split_ascii_whitespace().nth(1)?.parse().ok()
 }
 
 /// Waits until the launcher has died, or is stopped while a component needs it. Returns the cause as text.
@@ -109,12 +117,14 @@ fn await_cause(
     let header = region.header();
     let mut last_look = monotonic_ns();
     let mut silent: Option<Silence> = None;
+    let mut roster = Roster::new(plan);
     loop {
         let now = monotonic_ns();
         header.guard_alive_ns.store(now, Relaxed);
         let held_up = now.saturating_sub(last_look) > SILENCE_NS / 2;
         last_look = now;
         let alive_ns = header.launcher_alive_ns.load(Relaxed);
+        roster.look((plan, region, folder), alive_ns, now);
         // Only a launcher that supervises in real time says that it is alive.
         let is_silent = alive_ns != 0
             && !held_up
@@ -123,14 +133,16 @@ fn await_cause(
         match &mut silent {
             None if is_silent => {
                 tell(Event::LauncherSilent { run: folder.id() });
-                silent = Some(Silence::new(plan, region, folder, now));
+                silent = Some(Silence::new(plan, now));
+                // What ended since the launcher's last sign of life needs it already.
+                continue;
             }
             Some(_) if !is_silent => {
                 tell(Event::LauncherBack { run: folder.id() });
                 silent = None;
             }
             Some(silence) => {
-                if let Some(needs) = silence.needs_launcher(plan, region, now) {
+                if let Some(needs) = silence.needs_launcher(&roster, plan, region, now) {
                     launcher.signal(Signal::KILL);
                     launcher.wait(Some(Duration::from_millis(500)));
                     return format!("did not respond when {needs}");
@@ -144,30 +156,83 @@ fn await_cause(
     }
 }
 
+/// The processes of the components, as the guard has seen them since the launcher's last sign of life.
+struct Roster {
+    launcher: Option<u32>,
+    workers: Vec<Option<Seen>>,
+}
+
+/// The process of one component.
+struct Seen {
+    pid: u32,
+    watch: Watch,
+    /// Time at which its end was seen, ns. A launcher that gave a sign of life after that has acted on it.
+    ended_ns: Option<u64>,
+    is_handled: bool,
+}
+
+impl Roster {
+    fn new(plan: &Plan) -> Self {
+        Self { launcher: None, workers: plan.components.iter().map(|_| None).collect() }
+    }
+
+    /// Looks for new processes and for ends. `alive_ns` is the launcher's last sign of life.
+    fn look(&mut self, (plan, region, folder): (&Plan, &Region, &RunFolder), alive_ns: u64, now: u64) {
+        let launcher = *self.launcher.get_or_insert_with(|| region.header().launcher.load(Relaxed));
+        for (seen, (_, block)) in self.workers.iter_mut().zip(plan.components.iter().zip(region.components()))
+        {
+            let pid = block.pid.load(Relaxed);
+            if pid != 0 && pid != launcher && seen.as_ref().is_none_or(|seen| seen.pid != pid) {
+                let watch = Watch::new(pid).ok().filter(|_| is_of_run(pid, folder, Some(launcher)));
+                *seen = watch.map(|watch| Seen { pid, watch, ended_ns: None, is_handled: false });
+            }
+            let Some(seen) = seen else { continue };
+            if seen.ended_ns.is_none() && seen.watch.has_ended() {
+                seen.ended_ns = Some(now);
+            }
+            seen.is_handled |= seen.ended_ns.is_some_and(|ended_ns| alive_ns > ended_ns);
+        }
+    }
+
+    /// The first component that ended and on whose end nobody has acted.
+    fn unhandled(&self) -> Option<usize> {
+        self.workers
+            .iter()
+            .position(|seen| seen.as_ref().is_some_and(|seen| seen.ended_ns.is_some() && !seen.is_handled))
+    }
+
+    /// True if the process of a component lives.
+    fn is_alive(&self, component: usize) -> bool {
+        self.workers[component].as_ref().is_some_and(|seen| seen.ended_ns.is_none())
+    }
+}
+
 /// The guard's own view on the components, while the launcher does not respond.
 struct Silence {
-    workers: Vec<(String, Watch)>,
     watchdogs: Vec<Watchdog>,
 }
 
 impl Silence {
-    fn new(plan: &Plan, region: &Region, folder: &RunFolder, now: u64) -> Self {
+    fn new(plan: &Plan, now: u64) -> Self {
         let watchdogs = plan.components.iter().map(|component| Watchdog::new(plan, component, now));
-        Self { workers: workers(plan, region, folder), watchdogs: watchdogs.collect() }
+        Self { watchdogs: watchdogs.collect() }
     }
 
-    /// The first component that has died or hung since, as text.
-    fn needs_launcher(&mut self, plan: &Plan, region: &Region, now: u64) -> Option<String> {
-        let died = self.workers.iter().find(|(_, watch)| watch.has_ended());
-        if let Some((name, _)) = died {
-            return Some(format!("component `{name}` ended"));
+    /// The first component that needs the launcher, as text: it died since the launcher's last sign of life, hangs, or was
+    /// about to be restarted.
+    fn needs_launcher(&mut self, roster: &Roster, plan: &Plan, region: &Region, now: u64) -> Option<String> {
+        let name = |index: usize| &plan.components[index].name;
+        if let Some(index) = roster.unhandled() {
+            return Some(format!("component `{}` ended", name(index)));
         }
         self.watchdogs.iter_mut().enumerate().find_map(|(index, watchdog)| {
-            let name = &plan.components[index].name;
-            // What had ended before needs nobody.
-            self.workers.iter().find(|(worker, _)| worker == name)?;
+            let block = &region.components()[index];
+            if !roster.is_alive(index) {
+                let is_awaited = block.phase() == Phase::Created && roster.workers[index].is_some();
+                return is_awaited.then(|| format!("component `{}` was to be restarted", name(index)));
+            }
             let hang = watchdog.check(&Counters::read(plan, region, index), now)?;
-            Some(format!("component `{name}` {}", describe(plan, region, index, hang)))
+            Some(format!("component `{}` {}", name(index), describe(plan, region, index, hang)))
         })
     }
 }
@@ -207,4 +272,18 @@ fn describe_safety(
     }
     let words = if words.is_empty() { "the graph has no actuators".to_string() } else { words.join(", ") };
     (words, are_safe)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_parent_of_a_process_is_found_by_its_number() {
+        assert_eq!(
+            parent_of(std::process::id()),
+            Some(rustix::process::getppid().unwrap().as_raw_nonzero().get() as u32)
+        );
+        assert_eq!(parent_of(0), None);
+    }
 }

@@ -104,6 +104,10 @@ impl Launch {
         for (index, supervision) in supervision.iter().enumerate() {
             let (component, block) = (&self.plan.components[index], &self.region.components()[index]);
             let name = &component.name;
+            if let Some(reason) = &supervision.lost {
+                self.warnings.push(format!("`{name}` ended before the run: {reason}"));
+                continue;
+            }
             if supervision.is_down(block.steps.load(Relaxed)) {
                 self.warnings.push(format!("`{name}` was restarted and did not step again before the end"));
                 continue;
@@ -125,36 +129,9 @@ impl Launch {
                 self.warnings.push(format!("`{name}` did not step at the end: {what}"));
             }
         }
+        self.warnings.extend(self.guard.missing());
         self.warnings.iter().for_each(|warning| observe(Event::Warning(warning)));
         self.supervision = supervision;
-    }
-
-    /// Replaces a guard that was killed, or that is stopped. `late` is the time for which the launcher itself was held
-    /// up, ns.
-    pub(super) fn monitor_guard(&mut self, late: u64, observe: &mut dyn FnMut(Event<'_>)) {
-        let Some(guard) = &mut self.guard else { return };
-        let now = monotonic_ns();
-        let header = self.region.header();
-        let alive_ns = header.guard_alive_ns.load(Relaxed).max(self.guard_since_ns);
-        // A launcher that was held up itself gives the guard its time anew.
-        if late > SILENCE_NS / 2 {
-            self.guard_since_ns = now;
-        } else if now.saturating_sub(alive_ns) > SILENCE_NS {
-            guard.kill();
-        }
-        let Some(how) = guard.ended().map(str::to_string) else { return };
-        let how = match how.as_str() {
-            "killed by the launcher" => "it does not respond and was killed".to_string(),
-            _ => how,
-        };
-        let consequence = match self.start_guard() {
-            Ok(()) => "started again",
-            Err(_) => "could not be started again: the run goes on unguarded",
-        };
-        observe(Event::Failed { component: "guard", tick: 0, reason: &how, consequence, seen_ns: None });
-        if consequence != "started again" {
-            self.guard = None;
-        }
     }
 }
 

@@ -15,6 +15,7 @@ mod event;
 mod event_log;
 mod expectations;
 pub mod guard;
+mod guarding;
 mod hang;
 mod idle_states;
 mod lockstep;
@@ -26,6 +27,7 @@ mod report;
 mod reserve;
 mod restart;
 mod services;
+mod shortfalls;
 mod shutdown;
 mod status;
 mod stop_reason;
@@ -45,6 +47,7 @@ use crate::worker::{Host, Registry, Rounds};
 use accounts::Accounts;
 use child::Child;
 use event_log::{EventWriter, logging};
+use guarding::Guard;
 use idle_states::IdleStates;
 use places::Places;
 use reserve::Spare;
@@ -75,9 +78,9 @@ pub(crate) struct Launch {
     signals: Signals,
     children: Vec<Child>,
     supervision: Vec<Supervision>,
-    guard: Option<Child>,
-    /// Time from which on the guard is expected to be alive, ns.
-    guard_since_ns: u64,
+    guard: Guard,
+    /// The program of workers and guards is the one that this process runs.
+    runs_own_program: bool,
     /// Time at which the components were told to stop, ns.
     ended_ns: Option<u64>,
     lost: Vec<String>,
@@ -141,8 +144,8 @@ impl Launch {
             signals,
             children: Vec::new(),
             supervision: Vec::new(),
-            guard: None,
-            guard_since_ns: 0,
+            guard: Guard::default(),
+            runs_own_program: guarding::is_own(&options.program),
             ended_ns: None,
             lost: Vec::new(),
             warnings: Vec::new(),
@@ -206,9 +209,16 @@ impl Launch {
         if self.plan.clock == ClockKind::Realtime && start != 0 && in_good_order {
             self.note_unmet(observe);
         }
+        if start != 0 && in_good_order {
+            self.note_gates(observe);
+        }
         self.tell_last_accounts(observe);
         observe(Event::Ending(&exit));
         self.end(observe);
+        if start != 0 && in_good_order {
+            self.note_ends(observe);
+            self.note_results(observe);
+        }
         self.tell_last_accounts(observe);
         if start != 0 {
             self.note_gates();
@@ -277,7 +287,7 @@ impl Launch {
                 Child::process(path, &self.folder, &component.name, (&self.region, index))?
             }
             (Program::Builtin { .. }, Hosting::Processes) => {
-                Child::process(&self.options.program, &self.folder, &component.name, (&self.region, index))?
+                Child::process(&self.own_program(), &self.folder, &component.name, (&self.region, index))?
             }
             (Program::Builtin { kind }, Hosting::Threads) => {
                 Child::thread(self.registry.find(kind), &self.folder, &component.name)?
@@ -295,14 +305,6 @@ impl Launch {
         };
         block.pid.store(child.pid(), Relaxed);
         Ok(child)
-    }
-
-    fn start_guard(&mut self) -> Result<(), LaunchError> {
-        let guard = Child::guard(&self.options.program, &self.folder)?;
-        self.region.header().guard.store(guard.pid(), Relaxed);
-        self.guard_since_ns = monotonic_ns();
-        self.guard = Some(guard);
-        Ok(())
     }
 
     /// Interrupts every worker, so that it reads the command.
@@ -325,9 +327,7 @@ impl Drop for Launch {
         self.end_cleaner();
         self.services = Services::default();
         self.folder.remove();
-        if let Some(guard) = &mut self.guard {
-            guard.kill();
-        }
+        self.guard.kill();
     }
 }
 

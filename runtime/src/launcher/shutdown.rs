@@ -220,6 +220,27 @@ impl Launch {
         (!actuators.is_empty()).then(|| last - noticed)
     }
 
+    /// Notes the actuators that did not hold their safe state until the end of the settling time.
+    fn note_unsafe(&mut self, noticed: u64, observe: &mut dyn FnMut(Event<'_>)) {
+        if self.plan.safety.settle_ns == 0 || self.all_actuators_safe_since(noticed).is_some() {
+            return;
+        }
+        self.tell_unsafe(noticed, observe);
+        for (index, reached) in self.actuators(noticed) {
+            let name = &self.plan.components[index].name;
+            match reached {
+                Reached::Safe { .. } => {}
+                Reached::Not => {
+                    self.warnings.push(format!("`{name}` did not reach its safe state before the end"));
+                }
+                Reached::Dead => {
+                    self.warnings
+                        .push(format!("`{name}` ended before the robot had settled: nothing held it"));
+                }
+            }
+        }
+    }
+
     /// Names the actuators that are not in their safe state.
     fn tell_unsafe(&mut self, noticed: u64, observe: &mut dyn FnMut(Event<'_>)) {
         let actuators = self.actuators(noticed);
@@ -244,10 +265,12 @@ impl Launch {
         let actuators = self.plan.components.iter().any(|component| component.actuator);
         if running && actuators && self.region.header().command() == Command::Run {
             let header = self.region.header();
-            header.safe_stop_ns.store(monotonic_ns(), Relaxed);
+            let noticed = monotonic_ns();
+            header.safe_stop_ns.store(noticed, Relaxed);
             header.order(Command::SafeStop);
             self.signal_all();
             std::thread::sleep(Duration::from_nanos(self.plan.safety.settle_ns));
+            self.note_unsafe(noticed, observe);
         }
         // What was kept for restarts is room for results.
         self.spare.release();

@@ -1,8 +1,12 @@
 //! Stops of the robot while the graph runs, as events: `motorium stop --now`, emergency stops, latched safe states.
 
+use std::sync::atomic::Ordering::Relaxed;
+
 use super::{Event, Launch};
-use crate::plan::{EMERGENCY_STOP_PORT, Plan, ResumeRule};
+use crate::os::monotonic_ns;
+use crate::plan::{ClockKind, Plan, ResumeRule};
 use crate::region::{Latch, Region};
+use crate::units::TimeSpan;
 
 impl Launch {
     /// Tells of a stop that began or ended since the last call.
@@ -13,7 +17,8 @@ impl Launch {
         }
         match stop {
             Some((latch, component)) => {
-                let cause = cause(&self.plan, latch, component);
+                let silent = silent(&self.plan, &self.region);
+                let cause = cause(&self.plan, latch, component, silent);
                 observe(Event::Stopped { latch, cause: &cause });
             }
             None => observe(Event::Resumed),
@@ -39,13 +44,35 @@ fn current(plan: &Plan, region: &Region) -> Option<Stop> {
     })
 }
 
-/// The one that stopped the robot, as text.
-fn cause(plan: &Plan, latch: Latch, component: Option<usize>) -> String {
+/// The emergency-stop topic that has been silent for longer than it may be, if one has.
+fn silent(plan: &Plan, region: &Region) -> Option<usize> {
+    let max_age_ns = plan.safety.emergency_stop_max_age_ns;
+    let header = region.header();
+    let (now_ns, start_ns) = match plan.clock {
+        ClockKind::Lockstep => (header.reached_ns.load(Relaxed), 0),
+        ClockKind::Realtime => (monotonic_ns(), header.start_ns.load(Relaxed)),
+    };
+    plan.emergency_stops().find(|topic| {
+        let heard_ns = region.topics()[*topic].last_publish_ns.load(Relaxed).max(start_ns);
+        max_age_ns != 0 && now_ns.saturating_sub(heard_ns) > max_age_ns
+    })
+}
+
+/// The one that stopped the robot, as text; `silent` is an emergency-stop topic without a fresh value.
+fn cause(plan: &Plan, latch: Latch, component: Option<usize>, silent: Option<usize>) -> String {
     match latch {
         Latch::Stop => "by `motorium stop --now`".to_string(),
+        Latch::EmergencyStop if silent.is_some() => {
+            let topic = &plan.topics[silent.unwrap_or_default()];
+            let writer = &plan.components[topic.writer].name;
+            let max_age = TimeSpan { ns: plan.safety.emergency_stop_max_age_ns };
+            format!(
+                "since no value of the emergency stop `{}` came from `{writer}` for {max_age} (`emergency_stop_max_age`)",
+                topic.name
+            )
+        }
         Latch::EmergencyStop => {
-            let ports = plan.components.iter().filter(|component| component.actuator).flat_map(|c| &c.inputs);
-            let topic = ports.filter(|port| port.port == EMERGENCY_STOP_PORT).find_map(|port| port.topic);
+            let topic = plan.emergency_stops().next();
             topic.map(|topic| &plan.topics[topic]).map_or_else(
                 || "by an emergency stop".to_string(),
                 |topic| {
@@ -69,19 +96,19 @@ fn cause(plan: &Plan, latch: Latch, component: Option<usize>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::PortPlan;
+    use crate::plan::{EMERGENCY_STOP_PORT, PortPlan};
     use crate::schedule::tests::graphs::{When, graph, node};
 
     #[test]
     fn who_stopped_the_robot_is_named() {
         let nodes = [node("physics", When::Every(1_000_000, 0), 1), node("button", When::After(0), 1)];
         let mut plan = graph(&nodes, 0, &[]);
-        assert_eq!(cause(&plan, Latch::Stop, None), "by `motorium stop --now`");
+        assert_eq!(cause(&plan, Latch::Stop, None, None), "by `motorium stop --now`");
         let tripped = "since `physics` tripped, for a reason that its result tells";
-        assert_eq!(cause(&plan, Latch::SafeState, Some(0)), tripped);
+        assert_eq!(cause(&plan, Latch::SafeState, Some(0), None), tripped);
         plan.safety.gate.resume = ResumeRule::Latch;
         assert_eq!(
-            cause(&plan, Latch::SafeState, Some(0)),
+            cause(&plan, Latch::SafeState, Some(0), None),
             "since `physics` entered its safe state and `resume` is \"latch\""
         );
         plan.components[0].actuator = true;
@@ -93,8 +120,12 @@ mod tests {
         };
         plan.components[0].inputs.push(port);
         assert_eq!(
-            cause(&plan, Latch::EmergencyStop, None),
+            cause(&plan, Latch::EmergencyStop, None, None),
             "by the emergency stop of `button` on `topic/button`"
+        );
+        assert_eq!(
+            cause(&plan, Latch::EmergencyStop, None, Some(topic)),
+            "since no value of the emergency stop `topic/button` came from `button` for 500 ms (`emergency_stop_max_age`)"
         );
     }
 }

@@ -56,6 +56,8 @@ pub(super) struct Supervision {
     /// Restarts in a row that crashed before the component stepped again.
     crashes: u32,
     gone: bool,
+    /// Reason for which it has ended, of one without which the graph continues.
+    pub(super) lost: Option<String>,
     tolerated: u64,
 }
 
@@ -83,6 +85,7 @@ impl Supervision {
             hung_ns: None,
             crashes: 0,
             gone: false,
+            lost: None,
             tolerated: 0,
         }
     }
@@ -183,7 +186,7 @@ impl Launch {
         let wait = due_ns.saturating_sub(monotonic_ns()).min(LOOK_NS);
         let timeout = Timespec { tv_sec: 0, tv_nsec: wait as _ };
         let mut polled = vec![PollFd::new(self.signals.stream(), PollFlags::IN)];
-        for child in self.children.iter().chain(&self.guard) {
+        for child in self.children.iter().chain(self.guard.child()) {
             for descriptor in child.descriptors() {
                 polled.push(PollFd::from_borrowed_fd(descriptor, PollFlags::IN));
             }
@@ -272,6 +275,7 @@ impl Launch {
         };
         if self.plan.components[index].on_failure == OnFailure::Ignore {
             let consequence = "the graph goes on without it";
+            supervision.lost = Some(reason.clone());
             observe(Event::Failed { component: &name, tick, reason: &reason, consequence, seen_ns });
             return Some(AfterEnd::Ignored);
         }

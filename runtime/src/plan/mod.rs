@@ -323,6 +323,18 @@ impl Plan {
         limits.max_by_key(|(_, limit)| *limit)
     }
 
+    /// The emergency-stop topics that the gates of actuators read: one, unless `subscribe` tables name others.
+    pub(crate) fn emergency_stops(&self) -> impl Iterator<Item = usize> {
+        let actuators = self.components.iter().filter(|component| component.actuator);
+        let ports = actuators.flat_map(|component| &component.inputs);
+        ports.filter(|port| port.port == EMERGENCY_STOP_PORT).filter_map(|port| port.topic)
+    }
+
+    /// True if a value of this topic can be an emergency stop.
+    pub(crate) fn is_emergency_stop(&self, topic: usize) -> bool {
+        self.emergency_stops().any(|stop| stop == topic)
+    }
+
     /// The edges of the graph, as topic and reader, in the order of topics and then of readers: a component that reads
     /// a topic through several ports is one edge.
     pub fn edges(&self) -> Vec<(usize, usize)> {

@@ -65,9 +65,16 @@ pub struct SafetyPlan {
     pub gate: GateRules,
     /// Time for which actuators stay in the safe state before they are stopped, at every end of a run, ns.
     pub settle_ns: u64,
+    /// The newest value of the emergency-stop topic may be this old, ns; 0 for any age.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub emergency_stop_max_age_ns: u64,
     /// A robot whose commands fail takes the other robots of its actuator into their safe state.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub stop_together: bool,
+}
+
+fn is_zero(number: &u64) -> bool {
+    *number == 0
 }
 
 impl SafetyPlan {
@@ -83,6 +90,7 @@ impl SafetyPlan {
                 resume: ResumeRule::Near,
             },
             settle_ns: 0,
+            emergency_stop_max_age_ns: 500_000_000,
             stop_together: false,
         }
     }

@@ -127,7 +127,13 @@ pub struct GateBlock {
     moves: AtomicU32,
     unsettled: AtomicU32,
     late_resumes: AtomicU32,
+    /// 1 once a command has been applied.
+    has_followed: AtomicU32,
     entries: AtomicU64,
+    /// Start of the present state, on the clock of stamps, ns; 0 before the first step.
+    since_ns: AtomicU64,
+    /// Time in the safe state before that, from the first command on and other than by `motorium stop --now`, ns.
+    safe_ns: AtomicU64,
     refused: [AtomicU64; Refusal::ALL.len()],
     limited: [[AtomicU64; LimitKind::ALL.len()]; MAX_JOINTS],
     names: [[AtomicU8; NAME]; MAX_JOINTS],
@@ -145,8 +151,13 @@ impl GateBlock {
         self.joints.store(count, Release);
     }
 
-    /// Sets the state and the latch.
-    pub fn set(&self, state: GateState, latch: Option<Latch>) {
+    /// Sets the state and the latch, from `now_ns` on.
+    pub fn set(&self, state: GateState, latch: Option<Latch>, now_ns: u64) {
+        self.safe_ns.store(self.safe_ns(now_ns), Relaxed);
+        self.since_ns.store(now_ns.max(1), Relaxed);
+        if state != GateState::Safe {
+            self.has_followed.store(1, Relaxed);
+        }
         if state == GateState::Safe && self.state() != GateState::Safe {
             add(&self.entries, 1);
         }
@@ -187,6 +198,23 @@ impl GateBlock {
     /// Goes back to the safe state without an entry, since no command has been applied in the new episode.
     pub fn begin_episode(&self) {
         self.state.store(GateState::Safe as u32, Relaxed);
+        self.since_ns.store(0, Relaxed);
+    }
+
+    /// True once a command has been applied.
+    pub fn has_followed(&self) -> bool {
+        self.has_followed.load(Relaxed) != 0
+    }
+
+    /// Time in the safe state until `now_ns`, from the first command on and other than by `motorium stop --now`, ns.
+    pub fn safe_ns(&self, now_ns: u64) -> u64 {
+        let before_ns = self.safe_ns.load(Relaxed);
+        let since_ns = self.since_ns.load(Relaxed);
+        let counts = since_ns != 0
+            && self.has_followed()
+            && self.state() == GateState::Safe
+            && self.latch() != Some(Latch::Stop);
+        before_ns + if counts { now_ns.saturating_sub(since_ns) } else { 0 }
     }
 
     /// Counts a limit that a command exceeded.

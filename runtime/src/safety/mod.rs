@@ -18,6 +18,7 @@
 //! says `limits = "refuse"`.
 
 mod account;
+mod emergency;
 mod freshness;
 mod gate;
 mod group;

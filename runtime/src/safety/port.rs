@@ -4,6 +4,7 @@ use std::rc::Rc;
 use std::sync::atomic::Ordering::Relaxed;
 
 use super::account::{Account as _, GroupAccount, NoAccount};
+use super::emergency::{StopInput, StopSignal};
 use super::freshness::{Age, Freshness, SuspendClock};
 use super::gate::Gate;
 use super::group::Group;
@@ -12,9 +13,8 @@ use super::offer::{Measured, Offer, Verdict};
 use crate::component::{ConfigureError, Setup};
 use crate::context::{Access, Context};
 use crate::os::{boottime_ns, monotonic_ns};
-use crate::plan::EMERGENCY_STOP_PORT;
 use crate::region::{Command, GateState, Latch, MissCause};
-use crate::state::{EmergencyStop, JointCommand, MAX_JOINTS, Stamp};
+use crate::state::{JointCommand, MAX_JOINTS, Stamp};
 use crate::transport::Input;
 
 /// Lines of each part of a gate's memory that are fetched before a step: those of the largest arm.
@@ -72,7 +72,7 @@ pub struct CommandGate {
     gate: Gate,
     freshness: Freshness,
     clock: SuspendClock,
-    emergency_stop: Option<Input<EmergencyStop>>,
+    emergency_stop: Option<StopInput>,
     /// A command has been applied before: from then on a stale one is a miss.
     armed: bool,
     /// Number of `motorium resume` that this gate has seen.
@@ -134,8 +134,7 @@ impl Setup {
         group: Rc<Group>,
         place: usize,
     ) -> Result<CommandGate, ConfigureError> {
-        let emergency_stop =
-            if self.has_input(EMERGENCY_STOP_PORT) { Some(self.input(EMERGENCY_STOP_PORT)?) } else { None };
+        let emergency_stop = StopInput::open(self)?;
         let safety = &self.plan().safety;
         let context = self.context().clone();
         let mut gate = Gate::new(joints, safety.gate);
@@ -193,6 +192,7 @@ impl CommandGate {
     pub fn reset(&mut self) {
         self.gate.reset();
         self.freshness.reset();
+        self.emergency_stop.iter_mut().for_each(StopInput::reset);
         (self.armed, self.tripped) = (false, false);
         self.group.reset(self.place);
         self.context.block().gate.begin_episode();
@@ -328,17 +328,20 @@ impl CommandGate {
     #[inline]
     fn latch(&mut self) -> Option<Latch> {
         let header = self.context.region().header();
-        if let Some(input) = &mut self.emergency_stop
-            && input.latest().is_some_and(|stop| stop.is_pressed())
-        {
-            header.latch(Latch::EmergencyStop);
+        let mut awaited = None;
+        if let Some(input) = &mut self.emergency_stop {
+            match input.read(&self.context) {
+                StopSignal::Released => {}
+                StopSignal::Awaited => awaited = Some(Latch::EmergencyStop),
+                StopSignal::Pressed => header.latch(Latch::EmergencyStop),
+            }
         }
         let resumes = header.resumes();
         if resumes != self.resumes {
             (self.resumes, self.tripped) = (resumes, false);
             self.gate.release();
         }
-        header.latched()
+        header.latched().or(awaited)
     }
 
     /// Writes the state into the control block where it changed.
@@ -386,7 +389,7 @@ impl CommandGate {
         if shown.late && !before.is_some_and(|before| before.late) {
             block.gate.count_late_resume();
         }
-        block.gate.set(state, latch);
+        block.gate.set(state, latch, self.context.clock().step_ns());
         // Of this process: its predecessor may have been killed in the safe state and left the flag set.
         if let Verdict::Safe { entered: true, .. } = verdict {
             block.safe_since_ns.store(monotonic_ns(), Relaxed);

@@ -217,7 +217,8 @@ impl Session<'_> {
         }
         let context = Rc::new(Context::new(plan, topic.writer, self.launch.region().clone()));
         let participant = Participant::new(node.clone(), context.clone());
-        let place = OutputPlace { index, topic, probes: Vec::new(), wakes_late: false };
+        let is_emergency_stop = plan.is_emergency_stop(index);
+        let place = OutputPlace { index, topic, probes: Vec::new(), wakes_late: false, is_emergency_stop };
         let output = Output::<T>::open(&participant, place, "the session")?;
         if let Some(port) = output.connection() {
             let refused = |reason| SessionError::Topic { topic: topic.name.clone(), reason };

@@ -138,7 +138,13 @@ impl Endpoint {
             return Ok(Output::unwired(port, self.participant.context().clone()));
         };
         let plan = &self.plan.topics[topic];
-        let place = OutputPlace { index: topic, topic: plan, probes: Vec::new(), wakes_late: false };
+        let place = OutputPlace {
+            index: topic,
+            topic: plan,
+            probes: Vec::new(),
+            wakes_late: false,
+            is_emergency_stop: false,
+        };
         Ok(Output::open(&self.participant, place, port)?)
     }
 

@@ -241,7 +241,11 @@ impl<T: StateBuffer> Loan<'_, T> {
         let digest = |_: &_, digest: &mut _| unsafe { value.as_ref() }.digest(digest);
         let send = |sample: Option<Lent<T>>, stamp| sample.is_some_and(|sample| sample.send(stamp));
         let published = match topic {
-            Some(topic) => topic.publish((context, source_ns), sample, check, digest, send),
+            Some(topic) => {
+                // SAFETY: as in `deref`; the emergency-stop topic carries an `EmergencyStop`, whose one field is this number.
+                topic.latch_if_pressed(context, || unsafe { value.cast::<u64>().read() });
+                topic.publish((context, source_ns), sample, check, digest, send)
+            }
             None => checked(context, check(&sample)),
         };
         published.or_else(|reason| reason.for_step(port))

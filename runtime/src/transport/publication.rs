@@ -10,7 +10,7 @@ use super::latest::{StateWriter, TopicMemory};
 use crate::context::{Access, AfterStep, Context, Line, Withheld};
 use crate::declare::StepError;
 use crate::plan::{OnMiss, TopicPlan};
-use crate::region::{Command, add};
+use crate::region::{Command, Latch, add};
 use crate::state::{Defect, Digest, Stamp};
 
 /// The place of an output in the graph.
@@ -23,6 +23,8 @@ pub(crate) struct OutputPlace<'a> {
     pub(crate) probes: Vec<Probe>,
     /// True if a worker ends each step, and all components that the topic triggers run on its core: they are woken then.
     pub(crate) wakes_late: bool,
+    /// True of the emergency-stop topic of the graph.
+    pub(crate) is_emergency_stop: bool,
 }
 
 /// A latency budget that ends at an output.
@@ -41,6 +43,8 @@ pub(super) struct TopicWriter {
     wakes_late: bool,
     probes: Vec<Probe>,
     digest: Digest,
+    /// Values of this topic stop the robot.
+    is_emergency_stop: bool,
 }
 
 /// The reason why a value was not published.
@@ -76,11 +80,22 @@ impl TopicWriter {
         memory: Rc<TopicMemory>,
         state: Option<Rc<StateWriter>>,
     ) -> Self {
-        let OutputPlace { index, probes, wakes_late, .. } = place;
+        let OutputPlace { index, probes, wakes_late, is_emergency_stop, .. } = place;
         let after = Rc::new(AfterOutput::new(participant.context(), index, memory, state));
         participant.context().first_lines().note(Rc::as_ptr(&after), Access::Read);
         participant.context().deferred().add(after.clone());
-        Self { topic: index, after, wakes_late, probes, digest: Digest::default() }
+        Self { topic: index, after, wakes_late, probes, digest: Digest::default(), is_emergency_stop }
+    }
+
+    /// Latches the emergency stop of the run if this is its topic and the value stops.
+    ///
+    /// A gate sees the newest value only: one that stops and is replaced before the gate steps, or is withheld because
+    /// its step is late, must stop the robot too.
+    #[inline]
+    pub(super) fn latch_if_pressed(&self, context: &Context, stop: impl FnOnce() -> u64) {
+        if self.is_emergency_stop && stop() != 0 {
+            context.region().header().latch(Latch::EmergencyStop);
+        }
     }
 
     /// Publishes what was filled: the slot of a state, or else `value`, which `send` sends. `check` looks for what must not

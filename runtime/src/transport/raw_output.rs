@@ -110,6 +110,8 @@ impl RawOutput {
         // Before the copy: bytes of another size have no room in the slot.
         checked(context, check.check(bytes))?;
         let Some((_, state, topic)) = wired else { return Ok(()) };
+        let stop = || bytes.first_chunk().map_or(0, |stop| u64::from_ne_bytes(*stop));
+        topic.latch_if_pressed(context, stop);
         // SAFETY: this output is the one user of its writer's slot, and borrowed mutably; the reference ends here.
         unsafe { state.bytes_mut() }.copy_from_slice(bytes);
         let digest = |bytes: &&[u8], digest: &mut _| check.digest(bytes, digest);

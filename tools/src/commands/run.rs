@@ -17,13 +17,14 @@ use motorium::worker::Registry;
 use super::check::problems;
 use super::loading::GraphArgs;
 use super::recording::Overlay;
+use crate::exit::Code;
 use crate::failure::{Failure, Kind};
 use crate::metrics::{Address, Server};
 use crate::out::{err, errln, out, outln};
 use crate::printer::Printer;
 use crate::screen::is_drawable;
 use crate::trace::Tracing;
-use crate::{exit, overheads, registry, report, runs, style};
+use crate::{overheads, registry, report, runs, style};
 
 /// Launch a graph: every component as its own process.
 ///
@@ -71,9 +72,12 @@ pub(crate) struct Run {
     /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
     #[arg(long)]
     force: bool,
-    /// Record every sample into an MCAP file; one that is there is replaced
+    /// Record every sample into an MCAP file
     #[arg(long, value_name = "FILE.mcap")]
     record: Option<PathBuf>,
+    /// With `--record`: replace the file if it exists
+    #[arg(long, requires = "record")]
+    overwrite: bool,
     /// With `--record`: keep the last moments, such as `30s`, and write them only if the run ends badly
     #[arg(long, value_name = "TIME", requires = "record", allow_hyphen_values = true)]
     record_last: Option<TimeSpan>,
@@ -93,6 +97,17 @@ fn pace(text: &str) -> Result<f64, String> {
         Ok(factor) if factor.is_finite() && factor > 0.0 => Ok(factor),
         _ => Err("expected a number above 0: the seconds of simulated time in one of real time".to_string()),
     }
+}
+
+/// Components that missed goals, with their number, of which the graph expects nothing.
+fn unexpected_misses(report: &Report) -> Vec<(&str, u64)> {
+    let missed = report.results.iter().filter_map(|(component, result)| {
+        let missed = result.get("goals_missed")?.as_u64().filter(|missed| *missed > 0)?;
+        let figure = format!("{component}.goals_missed");
+        let is_judged = report.expectations.iter().any(|expectation| expectation.figure == figure);
+        (!is_judged).then_some((component.as_str(), missed))
+    });
+    missed.collect()
 }
 
 /// Trace of a run for `motorium trace`.
@@ -154,7 +169,9 @@ impl Run {
         for expectation in &self.expect {
             set(&format!("expect.{}", expectation.figure), format!("{:?}", expectation.condition()));
         }
-        let recording = self.record.as_ref().map(|output| Overlay::recording(output, self.record_last));
+        let overwrite = self.overwrite;
+        let recording =
+            self.record.as_ref().map(|output| Overlay::recording(output, self.record_last, overwrite));
         let recording = recording.transpose()?;
         self.graph.with.extend(recording.iter().map(|overlay| overlay.path().to_path_buf()));
         let registry = registry::registry();
@@ -232,15 +249,17 @@ impl Run {
         for expectation in &unmet {
             errln!("{}: {expectation}", style::error("error"));
         }
-        Ok(match &report.exit {
-            Exit::Finished if !unmet.is_empty() => exit::unmet(),
-            Exit::Finished | Exit::Interrupted if report.warnings.is_empty() => ExitCode::SUCCESS,
-            Exit::Finished | Exit::Interrupted => exit::incomplete(),
-            Exit::SafeStop { reason } => {
-                errln!("{}: safe stop: {reason}", style::error("error"));
-                exit::safe_stop()
-            }
-        })
+        for (component, missed) in unexpected_misses(&report) {
+            errln!(
+                "{} `{component}` missed {missed} of its goals; `--expect \"{component}.goals_missed == 0\"` makes that exit code {}",
+                style::warning("warning:"),
+                Code::Unmet as u8
+            );
+        }
+        if let Exit::SafeStop { reason } = &report.exit {
+            errln!("{}: safe stop: {reason}", style::error("error"));
+        }
+        Ok(Code::of_run(&report).into())
     }
 
     /// Launches a plan and drives it to its end.

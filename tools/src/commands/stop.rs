@@ -74,6 +74,9 @@ impl Stop {
         run.region.header().latch(Latch::Stop);
         let is_safe = |block: &ComponentBlock| block.safe.load(Relaxed) != 0;
         let actuators = await_actuators(&run, began, is_safe);
+        if actuators.is_empty() && !self.json {
+            errln!("{} graph `{}` has no actuator to stop", style::warning("warning:"), run.plan.name);
+        }
         let missing: Vec<&str> = actuators
             .iter()
             .filter(|actuator| actuator.after_ms.is_none())
@@ -171,7 +174,8 @@ fn end(run: &LivingRun, json: bool) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Waits until every living actuator is in a state, waking those that wait for a publication.
+/// Waits until every actuator is in a state, waking those that wait for a publication. One that is dead or being
+/// restarted has not confirmed anything: it is waited for too.
 fn await_actuators(
     run: &LivingRun,
     began: Instant,
@@ -179,7 +183,7 @@ fn await_actuators(
 ) -> Vec<Actuator> {
     let components = run.plan.components.iter().zip(run.region.components());
     let mut waiting: Vec<(&ComponentPlan, &ComponentBlock, Option<f64>)> = components
-        .filter(|(component, block)| component.actuator && block.phase() == Phase::Running)
+        .filter(|(component, _)| component.actuator)
         .map(|(component, block)| (component, block, None))
         .collect();
     // One step may be under way; the state of the next one counts.
@@ -189,6 +193,7 @@ fn await_actuators(
         let pid = block.pid.load(Relaxed);
         // A component that the launcher hosts as a thread has no watcher for the signal.
         if pid != launcher
+            && block.phase() == Phase::Running
             && let Ok(process) = Watch::new(pid)
         {
             process.signal(Signal::USR2);
@@ -197,7 +202,7 @@ fn await_actuators(
     while began.elapsed() < REACT_WITHIN && waiting.iter().any(|(_, _, after)| after.is_none()) {
         for ((_, block, after), seen) in waiting.iter_mut().zip(&seen) {
             let stepped = block.steps.load(Relaxed) > *seen + 1;
-            if after.is_none() && stepped && reached(block) {
+            if after.is_none() && block.phase() == Phase::Running && stepped && reached(block) {
                 *after = Some(began.elapsed().as_secs_f64() * 1e3);
             }
         }

@@ -115,6 +115,7 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
                 resume: ResumeRule::Near,
             },
             settle_ns: 0,
+            emergency_stop_max_age_ns: 0,
             stop_together: false,
         },
     }

@@ -11,6 +11,7 @@ use motorium::severity::Severity;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::exit::Code;
 use crate::out::{errln, outln};
 use crate::style;
 use origin::Origin;
@@ -63,10 +64,10 @@ pub(crate) enum Kind {
 impl Kind {
     fn code(self) -> u8 {
         match self {
-            Self::Failed => 1,
-            Self::Usage => 2,
-            Self::Invalid => 3,
-            Self::SafeStop => 4,
+            Self::Failed => Code::Failed as u8,
+            Self::Usage => Code::Usage as u8,
+            Self::Invalid => Code::Invalid as u8,
+            Self::SafeStop => Code::SafeStop as u8,
         }
     }
 }

@@ -3,6 +3,7 @@
 //! Everything here reads memory and files. No component is asked, none waits, and no place of an observer is taken.
 
 mod address;
+mod client;
 mod exposition;
 mod families;
 mod request;

@@ -1,19 +1,17 @@
 //! Serves the metrics of a run over HTTP, from a thread that no real-time thread ever waits for.
 
-use std::io::{self, Read as _, Write as _};
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::io;
+use std::net::{SocketAddr, TcpListener};
 use std::time::{Duration, Instant};
 
 use motorium::plan::Plan;
 use motorium::run_folder::RunFolder;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::Address;
-use super::exposition::{CONTENT_TYPE, Exposition};
-use super::request::{self, LONGEST, Request, Status};
+use super::client::{Client, Turn};
+use super::exposition::Exposition;
 use crate::runs::LivingRun;
-
-/// A client that takes longer to ask, or stands still for longer while it is answered, is left alone.
-const TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Metrics cannot be served.
 #[derive(Debug, thiserror::Error)]
@@ -59,64 +57,66 @@ impl Server {
 
     /// Serves the metrics of a run until the process ends, from a thread of its own on the shared cores.
     pub(crate) fn serve(self, run: LivingRun) -> io::Result<()> {
+        self.listener.set_nonblocking(true)?;
         let thread = std::thread::Builder::new().name("metrics".to_string());
         thread.spawn(move || {
             run.stand_aside();
             let exposition = Exposition::new(run);
-            for client in self.listener.incoming() {
-                match client {
-                    // What a client does wrong is its own affair.
-                    Ok(client) => drop(answer(client, &exposition)),
-                    // Out of file descriptors, as a rule: that does not pass at once.
-                    Err(_) => std::thread::sleep(Duration::from_millis(100)),
-                }
-            }
+            serve_all(&self.listener, &exposition);
         })?;
         Ok(())
     }
 }
 
-fn answer(mut client: TcpStream, exposition: &Exposition) -> io::Result<()> {
-    client.set_write_timeout(Some(TIMEOUT))?;
-    let plain = "text/plain; charset=utf-8";
-    let (head, body) = match listen(&mut client)? {
-        asked @ (Request::Metrics | Request::Head) => {
-            let body = exposition.text();
-            let head = request::head(Status::Ok, CONTENT_TYPE, body.len());
-            (head, if asked == Request::Head { String::new() } else { body })
+/// Clients that are served at a time; one more replaces the one that has waited for longest.
+const MOST: usize = 64;
+/// Pause after a client could not be accepted: out of file descriptors, as a rule.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// Serves all clients in turns, none of which waits for another.
+fn serve_all(listener: &TcpListener, exposition: &Exposition) {
+    let mut clients: Vec<Client> = Vec::new();
+    loop {
+        let ready = await_any(listener, &clients);
+        let now = Instant::now();
+        if ready.first() == Some(&true) {
+            match listener.accept() {
+                Ok((stream, _)) => {
+                    if clients.len() >= MOST {
+                        clients.remove(0);
+                    }
+                    clients.extend(Client::new(stream, now).ok());
+                }
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                Err(_) => std::thread::sleep(PAUSE),
+            }
         }
-        Request::Wrong(status, advice) => {
-            let body = format!("{advice}\n");
-            (request::head(status, plain, body.len()), body)
-        }
-    };
-    client.write_all(head.as_bytes())?;
-    client.write_all(body.as_bytes())?;
-    client.shutdown(std::net::Shutdown::Write)
+        // One that was just accepted may have asked already.
+        clients.retain_mut(|client| client.turn(exposition) == Turn::Waits && now < client.end);
+    }
 }
 
-/// The request of a client that asks in time.
-fn listen(client: &mut TcpStream) -> io::Result<Request> {
-    let end = Instant::now() + TIMEOUT;
-    let mut bytes = Vec::new();
-    loop {
-        let left = end.checked_duration_since(Instant::now()).filter(|left| !left.is_zero());
-        client.set_read_timeout(Some(left.ok_or(io::ErrorKind::TimedOut)?))?;
-        let mut part = [0; 1024];
-        let room = part.len().min(LONGEST - bytes.len());
-        match client.read(&mut part[..room])? {
-            0 => return Err(io::ErrorKind::UnexpectedEof.into()),
-            length => bytes.extend_from_slice(&part[..length]),
-        }
-        if let Some(request) = request::read(&bytes) {
-            return Ok(request);
-        }
-    }
+/// Waits until a client can be accepted (first) or one of those that are served can go on.
+fn await_any(listener: &TcpListener, clients: &[Client]) -> Vec<bool> {
+    let mut polled = vec![PollFd::new(listener, PollFlags::IN)];
+    polled.extend(clients.iter().map(|client| PollFd::new(&client.stream, client.awaits())));
+    let end = clients.iter().map(|client| client.end).min();
+    let timeout = end.map(|end| {
+        let left = end.saturating_duration_since(Instant::now()) + Duration::from_millis(1);
+        Timespec { tv_sec: left.as_secs() as _, tv_nsec: left.subsec_nanos().into() }
+    });
+    let _ = poll(&mut polled, timeout.as_ref());
+    polled.iter().map(|polled| !polled.revents().is_empty()).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::{Read as _, Write as _};
+    use std::net::TcpStream;
+
     use super::*;
+    use crate::metrics::client::TIMEOUT;
+    use crate::metrics::exposition::CONTENT_TYPE;
     use crate::metrics::fixture::silent_run;
 
     fn ask(address: SocketAddr, request: &str) -> String {
@@ -142,6 +142,27 @@ mod tests {
         assert!(body.ends_with("# EOF\n"), "{body}");
         let head = ask(address, "HEAD /metrics HTTP/1.1\r\nHost: a\r\n\r\n");
         assert!(head.starts_with("HTTP/1.1 200 OK\r\n") && head.ends_with("\r\n\r\n"), "{head}");
+    }
+
+    #[test]
+    fn silent_clients_delay_nobody() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let server = Server::bind("0".parse().expect("an address")).expect("a free port");
+        let address = server.address;
+        server.serve(silent_run(folder.path())).expect("a thread");
+        let mut silent = Vec::new();
+        let began = Instant::now();
+        for _ in 0..2 * MOST {
+            let mut client = TcpStream::connect(address).expect("somebody listens");
+            client.write_all(b"GET /met").expect("it is heard");
+            silent.push(client);
+        }
+        // One after the other they would last 128 times 2 s.
+        assert!(ask(address, "GET /metrics HTTP/1.1\r\nHost: a\r\n\r\n").ends_with("# EOF\n"));
+        assert!(began.elapsed() < 10 * TIMEOUT, "{:?}", began.elapsed());
+        let mut rest = Vec::new();
+        let ended = silent.last_mut().expect("a client").read_to_end(&mut rest);
+        assert!(ended.is_err() || rest.is_empty(), "it is dropped without an answer");
     }
 
     #[test]

@@ -3,16 +3,13 @@
 use iceoryx2::node::Node;
 use motorium::component::{ConfigureError, RunClock};
 use motorium::os::monotonic_ns;
-use motorium::state::ContentDefect;
+use motorium::state::{ContentDefect, EmergencyStop, StateBuffer as _};
 use motorium::telemetry::set_apart;
 use motorium::transport::{RawError, RawOutput, Shared};
 use serde_json::{Value, json};
 
 use super::config::InboundConfig;
-use super::service::{InboundPort, PUBLISHERS, WAITING, receive, subscribe};
-
-/// Values taken in one step at most: as many as can wait.
-const TAKEN: usize = PUBLISHERS * WAITING;
+use super::service::{InboundPort, PUBLISHERS, receive, subscribe, waiting};
 
 /// An inbound topic. Of the valid values the newest is published, no more often than the limit.
 pub(super) struct Inbound {
@@ -30,6 +27,10 @@ pub(super) struct Inbound {
     published_ns: Option<u64>,
     /// Time at which the queue was looked into last, ns.
     looked_ns: u64,
+    /// Values of one publisher that can wait.
+    waiting: usize,
+    /// The topic carries emergency stops: one that stops wins over newer values, over `max_rate` and over `max_age`.
+    is_emergency_stop: bool,
     counts: Counts,
 }
 
@@ -65,6 +66,8 @@ impl Inbound {
             is_pending: false,
             published_ns: None,
             looked_ns: monotonic_ns(),
+            waiting: waiting(output.layout()),
+            is_emergency_stop: output.layout().type_name == EmergencyStop::NAME,
             counts: Counts::default(),
             output,
         }))
@@ -78,13 +81,26 @@ impl Inbound {
         if is_old && core::mem::take(&mut self.is_pending) {
             self.counts.too_old += 1;
         }
-        for _ in 0..TAKEN {
+        let mut taken = 0;
+        while taken < PUBLISHERS * self.waiting {
             // iceoryx2 allocates when a publisher comes or goes
             if !set_apart(|| receive(&self.port, &mut self.taken)) {
                 break;
             }
+            taken += 1;
             self.counts.received += 1;
-            if is_old { self.counts.too_old += 1 } else { self.admit(clock.stamp_ns(time_ns)) }
+            if self.is_emergency_stop && is_pressed(&self.taken) {
+                self.stop(time_ns, clock);
+            } else if is_old {
+                self.counts.too_old += 1;
+            } else {
+                self.admit(clock.stamp_ns(time_ns));
+            }
+        }
+        if self.is_emergency_stop && taken >= self.waiting {
+            // The queue may have overflowed, and a value that stops may be lost.
+            self.taken.copy_from_slice(&1_u64.to_ne_bytes());
+            self.stop(time_ns, clock);
         }
         let is_time = self.published_ns.is_none_or(|last| time_ns.saturating_sub(last) >= self.period_ns);
         if is_time && core::mem::take(&mut self.is_pending) {
@@ -98,6 +114,21 @@ impl Inbound {
                 // The time of a step is never in the future.
                 Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
             }
+        }
+    }
+
+    /// Publishes the value taken last, which stops, at once. One that waits is older and is dropped.
+    fn stop(&mut self, time_ns: u64, clock: &RunClock) {
+        if core::mem::take(&mut self.is_pending) {
+            self.counts.above_max_rate += 1;
+        }
+        match self.output.publish_from(&self.taken, clock.stamp_ns(time_ns)) {
+            Ok(()) => {
+                self.counts.published += 1;
+                self.published_ns = Some(time_ns);
+            }
+            Err(RawError::Content(defect)) => self.counts.refuse(defect),
+            Err(RawError::Late | RawError::SourceInFuture { .. }) => self.counts.too_late += 1,
         }
     }
 
@@ -126,6 +157,11 @@ impl Inbound {
         });
         (topic, json!({ "received": counts.received, "published": counts.published, "refused": refused }))
     }
+}
+
+/// True if the bytes of an emergency stop say that it is pressed.
+fn is_pressed(value: &[u8]) -> bool {
+    value.iter().any(|byte| *byte != 0)
 }
 
 impl Counts {

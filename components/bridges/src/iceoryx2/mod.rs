@@ -10,7 +10,7 @@ pub use config::{Iceoryx2BridgeConfig, InboundConfig};
 pub use feed::{Feed, FeedError};
 
 use motorium::component::{Component, ConfigureError, RunClock, Setup, Tick};
-use motorium::declare::{ConfigError, Declare, StepError};
+use motorium::declare::{ClockKind, ConfigError, Declare, StepError};
 use motorium::os::monotonic_ns;
 use serde_json::{Map, Value, json};
 
@@ -40,6 +40,13 @@ impl Component for Iceoryx2Bridge {
         }
         for (port, inbound) in &config.inbound {
             declare.raw_output(port, inbound.layout(port)?, "topic fed by foreign programs");
+        }
+        if declare.clock() == ClockKind::Lockstep {
+            let warning = declare.warn(
+                "simulated time does not wait for foreign programs: they may miss every value, and no two runs are the same",
+            );
+            warning
+                .advise("run it in real time, or simulate the foreign program by a component in its place");
         }
         Ok(())
     }

@@ -9,15 +9,22 @@ use iceoryx2::prelude::{AttributeVerifier, ServiceName};
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 use motorium::component::ConfigureError;
-use motorium::state::{Stamp, StateBuffer as _, TypeLayout};
+use motorium::state::{EmergencyStop, Stamp, StateBuffer as _, TypeLayout};
 use motorium::transport::Shared;
 
 /// Values of each foreign publisher that wait for the bridge at most; the oldest are dropped.
-pub(super) const WAITING: usize = 8;
+const WAITING: usize = 8;
+/// The same of an emergency stop, of which none may be lost.
+const STOPS_WAITING: usize = 64;
 /// Publishers of a service: one, and the place of one that was killed.
 pub(super) const PUBLISHERS: usize = 2;
 /// Foreign subscribers of a mirrored topic.
 const SUBSCRIBERS: usize = 8;
+
+/// Values of each foreign publisher of a type that wait for the bridge at most.
+pub(super) fn waiting(layout: &TypeLayout) -> usize {
+    if layout.type_name == EmergencyStop::NAME { STOPS_WAITING } else { WAITING }
+}
 
 pub(super) type OutboundPort = Publisher<Shared, [CustomPayloadMarker], CustomHeaderMarker>;
 pub(super) type InboundPort = Subscriber<Shared, [CustomPayloadMarker], ()>;
@@ -69,7 +76,7 @@ pub(super) fn subscribe(
     let builder =
         unsafe { builder.__internal_set_payload_type_details(&detail(layout).map_err(|e| fail(&e))?) };
     builder
-        .subscriber_max_buffer_size(WAITING)
+        .subscriber_max_buffer_size(waiting(layout))
         .subscriber_max_borrowed_samples(2)
         .history_size(0)
         .enable_safe_overflow(true)

@@ -184,7 +184,10 @@ impl Component for Record {
     fn result(&self) -> Option<serde_json::Value> {
         let Outcome { counts, cpu_ns, ended } =
             self.outcome.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let lost = |reason| format!("the recording {} ended before the run: {reason}", self.output.display());
+        let shortfalls: Vec<String> = ended.as_ref().map(lost).into_iter().collect();
         Some(serde_json::json!({
+            "shortfalls": shortfalls,
             "file": self.output,
             "samples": counts.samples,
             "lost": counts.lost,

@@ -81,7 +81,8 @@ impl Recorder {
 
     /// Writes what is left, and ends the file. One that was to keep the end of a bad run is removed after a good one.
     pub(super) fn finish(mut self) -> Result<Counts, RecordError> {
-        self.drain()?;
+        self.readers.read_last(&mut self.batch);
+        self.sink.write(&mut self.batch)?;
         let counts = self.readers.counts();
         let bytes = self.sink.finish(self.readers.summary())?;
         Ok(Counts { bytes, ..counts })

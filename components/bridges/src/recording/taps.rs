@@ -96,6 +96,12 @@ impl Readers {
         Self { observer, topics, told, events, clock, drawn_every_ns }
     }
 
+    /// Adds the last samples to a batch. A run whose launcher has died ends badly, though no event may say so yet.
+    pub(super) fn read_last(&mut self, batch: &mut Batch) {
+        batch.has_failed |= self.observer.is_orphaned();
+        self.read(batch);
+    }
+
     /// Adds what was published since the last call to a batch.
     pub(super) fn read(&mut self, batch: &mut Batch) {
         let Self { topics, told, clock, drawn_every_ns, .. } = self;

@@ -66,7 +66,11 @@ pub(super) fn read(
         // may wait for the thread that writes.
         wake_first();
         let last_round = stop.wait(poll);
-        readers.read(&mut batch);
+        if last_round {
+            readers.read_last(&mut batch)
+        } else {
+            readers.read(&mut batch)
+        }
         leave_realtime();
         let counts = readers.counts();
         // The one that writes may be held up while it has the lock: the next round tells.

@@ -36,6 +36,21 @@ pub struct UdpSensorConfig {
     /// where `address` is of this machine only.
     #[serde(default)]
     pub from: Vec<String>,
+    /// Users of this machine whose datagrams are accepted: "own", the user of the graph and root, by the owner of the
+    /// sending socket, which must stay open; or "any". Default "own".
+    #[serde(default)]
+    pub local_users: LocalUsers,
+}
+
+/// Users of this machine whose datagrams are accepted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LocalUsers {
+    /// The user of the graph, and root.
+    #[default]
+    Own,
+    /// Every user of this machine.
+    Any,
 }
 
 fn loopback() -> String {
@@ -45,7 +60,7 @@ fn loopback() -> String {
 /// A sender whose datagrams are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sender {
-    address: IpAddr,
+    pub(super) address: IpAddr,
     /// `None` for any.
     port: Option<u16>,
 }

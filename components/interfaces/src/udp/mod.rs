@@ -1,20 +1,26 @@
 //! `sensor.udp`: datagrams from outside of the graph, published as states.
 //!
 //! A datagram holds one value of a built-in state, byte for byte as the state lies in memory. Of those that wait, the newest
-//! valid one is published, with the time at which the kernel received it as its source time.
+//! valid one is published, with the time at which the kernel received it as its source time. Senders on this machine are
+//! checked by the owner of their socket.
 
 mod config;
+mod owners;
 mod socket;
+
+use std::net::{IpAddr, SocketAddr};
 
 use motorium::component::RunClock;
 use motorium::declare::ClockKind;
 use motorium::os::{monotonic_ns, realtime_ns};
 use motorium::prelude::*;
-use motorium::state::ContentDefect;
+use motorium::state::{ContentDefect, EmergencyStop};
+use motorium::telemetry::set_apart;
 use motorium::transport::{RawError, RawOutput};
 
 use config::Sender;
-pub use config::UdpSensorConfig;
+pub use config::{LocalUsers, UdpSensorConfig};
+use owners::{Owners, Ownership};
 use socket::{Datagram, Socket};
 
 /// Name of the output.
@@ -26,6 +32,12 @@ const TAKEN: usize = 64;
 pub struct UdpSensor {
     socket: Socket,
     senders: Vec<Sender>,
+    /// The check of senders on this machine; `None` if all of its users are trusted.
+    owners: Option<Owners>,
+    /// Addresses of this machine among the senders, other than loopback.
+    own_addresses: Vec<IpAddr>,
+    /// A value that stops is published before any newer one.
+    is_emergency_stop: bool,
     output: RawOutput,
     clock: RunClock,
     /// Payload of the datagram read last; a byte longer than a value.
@@ -41,6 +53,7 @@ struct Counts {
     received: u64,
     published: u64,
     replaced: u64,
+    introduced: u64,
     sender: u64,
     length: u64,
     not_finite: u64,
@@ -73,11 +86,26 @@ impl Component for UdpSensor {
         let socket = Socket::bind(address)
             .map_err(|error| ConfigureError::failed(format!("receiving on {address}: {error}")))?;
         setup.wake_on(&socket)?;
+        let owners = match config.local_users {
+            LocalUsers::Any => None,
+            LocalUsers::Own => Some(Owners::open().map_err(|error| {
+                let advice = "`local_users = \"any\"` trusts every user of this machine";
+                ConfigureError::failed(format!(
+                    "the owners of sending sockets are unknown: {error}; {advice}"
+                ))
+            })?),
+        };
+        let senders = config.senders().map_err(refused)?;
+        let named = senders.iter().map(|sender| sender.address).filter(|address| !address.is_loopback());
+        let own_addresses = named.filter(|address| owners::is_of_this_machine(*address)).collect();
         let output = setup.raw_output(VALUE)?;
         let size = output.layout().size;
         Ok(Self {
             socket,
-            senders: config.senders().map_err(refused)?,
+            senders,
+            owners,
+            own_addresses,
+            is_emergency_stop: output.layout().type_name == EmergencyStop::NAME,
             output,
             clock: setup.clock(),
             read: vec![0; size + 1].into_boxed_slice(),
@@ -95,6 +123,13 @@ impl Component for UdpSensor {
             self.counts.received += 1;
             self.counts.lost = datagram.lost.unwrap_or(self.counts.lost);
             if self.admit(&datagram) {
+                if self.is_emergency_stop && self.read[..datagram.length].iter().any(|byte| *byte != 0) {
+                    // It stops, whatever comes after it in the same step. What came before it is older.
+                    self.counts.replaced += u64::from(newest.take().is_some());
+                    core::mem::swap(&mut self.read, &mut self.newest);
+                    self.publish(&datagram);
+                    continue;
+                }
                 core::mem::swap(&mut self.read, &mut self.newest);
                 self.counts.replaced += u64::from(newest.replace(datagram).is_some());
             }
@@ -116,6 +151,7 @@ impl Component for UdpSensor {
             "received": counts.received,
             "published": counts.published,
             "replaced": counts.replaced,
+            "introduced": counts.introduced,
             "lost": counts.lost,
             "refused": {
                 "sender": counts.sender,
@@ -142,7 +178,26 @@ impl UdpSensor {
             return false;
         }
         let checked = self.output.check(&self.read[..size]);
-        checked.map_err(|defect| self.counts.refuse(defect)).is_ok()
+        checked.map_err(|defect| self.counts.refuse(defect)).is_ok() && self.is_owned(datagram)
+    }
+
+    /// True if a sender on this machine is a program of this user or of root, and was before.
+    fn is_owned(&mut self, datagram: &Datagram) -> bool {
+        let Some(owners) = &mut self.owners else { return true };
+        let is_local = |sender: &SocketAddr| {
+            let address = sender.ip().to_canonical();
+            address.is_loopback() || self.own_addresses.contains(&address)
+        };
+        let Some(sender) = datagram.sender.filter(is_local) else { return true };
+        let now_ns = realtime_ns();
+        // The list of sockets is a file of the kernel, whose length differs from one reading to the next.
+        let owned = set_apart(|| owners.check(sender, datagram.received_ns.unwrap_or(now_ns), now_ns));
+        match owned {
+            Ownership::Own => return true,
+            Ownership::Introduced => self.counts.introduced += 1,
+            Ownership::Foreign => self.counts.sender += 1,
+        }
+        false
     }
 
     fn publish(&mut self, datagram: &Datagram) {

@@ -34,6 +34,10 @@ pub(in crate::graph) struct SafetyTable {
     /// Topic of `motorium.EmergencyStop`: a message that stops keeps every actuator in its safe state until
     /// `motorium resume`.
     pub emergency_stop: Option<At<TopicName>>,
+    /// Longest age of the newest message on that topic. A feeder that is silent for longer counts as a pressed
+    /// emergency stop.
+    #[schemars(extend("default" = defaults::EMERGENCY_STOP_MAX_AGE))]
+    pub emergency_stop_max_age: Option<At<TimeSpan>>,
     /// Of an actuator that moves several robots: one without a good command takes all of them into the safe state; else
     /// each one stops by itself.
     #[schemars(extend("default" = false))]
@@ -52,6 +56,7 @@ impl<'i> Read<'i> for SafetyTable {
             limits,
             resume,
             emergency_stop,
+            emergency_stop_max_age,
             stop_together
         );
         keys.finish("`[safety]`");

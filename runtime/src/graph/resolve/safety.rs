@@ -1,17 +1,20 @@
 //! The safety settings and the restart policies.
 
 mod bounds;
+mod emergency;
+
+pub(super) use emergency::emergency_stop;
 
 use super::Draft;
 use super::timing::Timing;
 use super::wiring::Wiring;
-use crate::declare::{Direction, PortDeclaration, TopicPattern};
+use crate::declare::Direction;
 use crate::graph::defaults;
 use crate::graph::diagnostic::Report;
 use crate::graph::model::GraphTable;
 use crate::graph::read::{At, good, good_or};
-use crate::plan::{Activation, EMERGENCY_STOP_PORT, GateRules, SafetyPlan};
-use crate::state::{EmergencyStop, JointCommand, StateBuffer as _};
+use crate::plan::{Activation, GateRules, SafetyPlan};
+use crate::state::{JointCommand, StateBuffer as _};
 use crate::units::TimeSpan;
 
 /// Longest time that a component may be given to stop.
@@ -65,6 +68,7 @@ pub(super) fn resolve(
     if let Some(table) = table {
         bounds::check(table, stale_after, chains_ns, report);
     }
+    let max_age = emergency::max_age(table, drafts, wiring, timing, report);
     SafetyPlan {
         stale_after_ns: stale_after.ns,
         source_stale_after_ns: source.unwrap_or(stale_after.ns.saturating_add(2 * chains_ns)),
@@ -75,26 +79,8 @@ pub(super) fn resolve(
             resume: table.map_or(defaults::RESUME, |table| good_or(&table.resume, defaults::RESUME)),
         },
         settle_ns: settle.ns,
+        emergency_stop_max_age_ns: max_age.ns,
         stop_together: table.is_some_and(|table| good_or(&table.stop_together, false)),
-    }
-}
-
-/// The emergency-stop topic as an input of each actuator, which its gate reads.
-pub(super) fn emergency_stop(graph: &GraphTable<'_>, drafts: &mut [Draft<'_, '_>]) {
-    if good(&graph.safety).and_then(|table| good(&table.emergency_stop)).is_none() {
-        return;
-    }
-    for declaration in drafts.iter_mut().filter_map(|draft| draft.declaration.as_mut()) {
-        if declaration.actuator && declaration.ports.iter().all(|port| port.name != EMERGENCY_STOP_PORT) {
-            declaration.ports.push(PortDeclaration {
-                name: EMERGENCY_STOP_PORT.to_string(),
-                direction: Direction::Input,
-                pattern: TopicPattern::State,
-                layout: EmergencyStop::layout(),
-                required: false,
-                doc: "emergency stop of `[safety]`".to_string(),
-            });
-        }
     }
 }
 

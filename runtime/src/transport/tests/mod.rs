@@ -135,7 +135,13 @@ impl Bench {
     }
 
     fn output_place(&self) -> OutputPlace<'_> {
-        OutputPlace { index: 0, topic: self.topic(), probes: Vec::new(), wakes_late: false }
+        OutputPlace {
+            index: 0,
+            topic: self.topic(),
+            probes: Vec::new(),
+            wakes_late: false,
+            is_emergency_stop: false,
+        }
     }
 
     fn participant(&self, index: usize) -> Participant {

@@ -104,7 +104,7 @@ impl Recording {
 
     /// The times of all turns, and the cost of the recorder; or an exit code if the graph is none.
     fn measure(&self, file: &Path) -> anyhow::Result<Result<(Vec<Row>, Cost), ExitCode>> {
-        let overlay = Overlay::recording(file, None)?;
+        let overlay = Overlay::recording(file, None, true)?;
         let mut plans = Vec::new();
         for with in [Vec::new(), vec![overlay.path().to_path_buf()]] {
             let graph = GraphArgs { graph: self.graph.clone(), with, ..GraphArgs::default() };

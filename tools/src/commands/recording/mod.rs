@@ -44,10 +44,15 @@ pub(super) struct Overlay(PathBuf);
 
 impl Overlay {
     /// Writes the file.
-    pub(super) fn recording(output: &Path, last: Option<TimeSpan>) -> anyhow::Result<Self> {
+    pub(super) fn recording(output: &Path, last: Option<TimeSpan>, overwrite: bool) -> anyhow::Result<Self> {
         anyhow::ensure!(
             !output.is_dir(),
             "{} is a folder, expected the file of a recording",
+            output.display()
+        );
+        anyhow::ensure!(
+            overwrite || output.symlink_metadata().is_err(),
+            "{} exists: name another file, or replace it with `--overwrite`",
             output.display()
         );
         let absolute = |path: &Path| -> anyhow::Result<toml::Value> {

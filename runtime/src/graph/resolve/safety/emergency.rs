@@ -1,0 +1,91 @@
+//! The emergency-stop topic of `[safety]`: the input of each actuator, and the age of its values.
+
+use crate::declare::{Direction, PortDeclaration, TopicPattern};
+use crate::graph::defaults;
+use crate::graph::diagnostic::Report;
+use crate::graph::model::{GraphTable, SafetyTable};
+use crate::graph::read::{good, good_or};
+use crate::graph::resolve::Draft;
+use crate::graph::resolve::timing::Timing;
+use crate::graph::resolve::wiring::Wiring;
+use crate::plan::EMERGENCY_STOP_PORT;
+use crate::state::{EmergencyStop, StateBuffer as _};
+use crate::units::TimeSpan;
+
+/// The longest `emergency_stop_max_age` that is accepted.
+const LONGEST: TimeSpan = TimeSpan { ns: 10_000_000_000 };
+
+/// The emergency-stop topic as an input of each actuator, which its gate reads.
+pub(in crate::graph::resolve) fn emergency_stop(graph: &GraphTable<'_>, drafts: &mut [Draft<'_, '_>]) {
+    if good(&graph.safety).and_then(|table| good(&table.emergency_stop)).is_none() {
+        return;
+    }
+    for declaration in drafts.iter_mut().filter_map(|draft| draft.declaration.as_mut()) {
+        if declaration.actuator && declaration.ports.iter().all(|port| port.name != EMERGENCY_STOP_PORT) {
+            declaration.ports.push(PortDeclaration {
+                name: EMERGENCY_STOP_PORT.to_string(),
+                direction: Direction::Input,
+                pattern: TopicPattern::State,
+                layout: EmergencyStop::layout(),
+                required: false,
+                doc: "emergency stop of `[safety]`".to_string(),
+            });
+        }
+    }
+}
+
+/// Longest age of the newest value on the topic; 0 for a graph without one.
+///
+/// An age that a healthy feeder exceeds would stop the robot between two of its values.
+pub(super) fn max_age(
+    table: Option<&SafetyTable>,
+    drafts: &[Draft<'_, '_>],
+    wiring: &Wiring,
+    timing: &Timing,
+    report: &mut Report,
+) -> TimeSpan {
+    let default = defaults::EMERGENCY_STOP_MAX_AGE;
+    let Some(table) = table else { return TimeSpan { ns: 0 } };
+    let at = table.emergency_stop_max_age.as_ref();
+    super::not_zero("emergency_stop_max_age", at, "the robot could never move", report);
+    let Some(topic) = &table.emergency_stop else {
+        if let Some(at) = at {
+            report
+                .warning("`emergency_stop_max_age` has no effect without `emergency_stop`")
+                .at(&at.span, "no topic is watched")
+                .advise("name the topic of the emergency stop, or leave this key out");
+        }
+        return TimeSpan { ns: 0 };
+    };
+    let max_age = good_or(&table.emergency_stop_max_age, default);
+    if let Some(at) = at.filter(|_| max_age > LONGEST) {
+        report
+            .error(format!(
+                "`emergency_stop_max_age` is {max_age}: a dead button would go unnoticed for so long"
+            ))
+            .at(&at.span, format!("expected at most {LONGEST}"))
+            .advise("let the feeder repeat its value several times a second");
+    }
+    if good(&table.emergency_stop).is_none() {
+        return max_age;
+    }
+    let writer = drafts.iter().enumerate().find_map(|(component, draft)| {
+        let mut ports = draft.ports(Direction::Input).enumerate();
+        let (index, _) = ports.find(|(_, port)| port.name == EMERGENCY_STOP_PORT)?;
+        let wire = wiring.of_port(component, Direction::Input, index)?;
+        wiring.writer(wire.topic?)
+    });
+    let Some(writer) = writer.map(|wire| wire.component) else { return max_age };
+    if let Some(period_ns) =
+        timing.period_ns(writer).filter(|period_ns| *period_ns > max_age.ns && max_age.ns > 0)
+    {
+        let (name, period) = (drafts[writer].name, TimeSpan { ns: period_ns });
+        report
+            .warning(format!(
+                "the emergency stop counts as pressed between two values: `{name}` writes one every {period}"
+            ))
+            .at(at.map_or(&topic.span, |at| &at.span), format!("`emergency_stop_max_age` is {max_age}"))
+            .advise(format!("run `{name}` faster, or allow more than {period}"));
+    }
+    max_age
+}

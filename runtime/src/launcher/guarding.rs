@@ -1,0 +1,167 @@
+//! The launcher's care for its guard: started, watched, replaced.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering::Relaxed;
+
+use std::os::unix::fs::MetadataExt as _;
+
+use super::child::Child;
+use super::hang::SILENCE_NS;
+use super::restart::History;
+use super::{Event, Launch, LaunchError};
+use crate::os::monotonic_ns;
+use crate::plan::{RestartPlan, RestartWhen};
+
+/// The program that this process runs, also after its file was replaced or removed.
+const OWN_PROGRAM: &str = "/proc/self/exe";
+
+/// Failures in a row from which on a run counts as unguarded.
+const FAILURES: u32 = 3;
+
+/// Restarts of a guard: as often as it takes, with a back-off.
+const POLICY: RestartPlan =
+    RestartPlan { when: RestartWhen::Always, at_most: u32::MAX, window_ns: 1, within_ns: u64::MAX };
+
+/// The guard of a run.
+#[derive(Default)]
+pub(super) struct Guard {
+    child: Option<Child>,
+    /// Time from which on it is expected to be alive, ns.
+    since_ns: u64,
+    history: History,
+    /// Time at which it is to be started again, ns.
+    due_ns: Option<u64>,
+    /// Failures in a row, each within a second of its start.
+    failures: u32,
+    /// Reason for which it cannot be started again.
+    refused: Option<String>,
+}
+
+impl Guard {
+    /// The process, while there is one.
+    pub(super) fn child(&self) -> Option<&Child> {
+        self.child.as_ref()
+    }
+
+    /// Ends it.
+    pub(super) fn kill(&mut self) {
+        if let Some(child) = &mut self.child {
+            child.kill();
+        }
+    }
+
+    /// Shortcoming of a run that had a guard at its start and has none at its end, as text.
+    pub(super) fn missing(&self) -> Option<String> {
+        match &self.refused {
+            Some(reason) => Some(format!("the run had no guard at its end: {reason}")),
+            None if self.failures >= FAILURES => Some(format!(
+                "the run had no guard at its end: it failed {} times in a row, each within a second",
+                self.failures
+            )),
+            None => None,
+        }
+    }
+}
+
+impl Launch {
+    /// Starts the guard.
+    pub(super) fn start_guard(&mut self) -> Result<(), LaunchError> {
+        let child = Child::guard(&self.own_program(), &self.folder)?;
+        self.region.header().guard.store(child.pid(), Relaxed);
+        self.guard.since_ns = monotonic_ns();
+        self.guard.child = Some(child);
+        Ok(())
+    }
+
+    /// The program to start workers and guards with. Where the file that this process runs was replaced, such as by an
+    /// upgrade, it is still the old one: another version may lay out the shared memory of the run differently.
+    pub(super) fn own_program(&self) -> PathBuf {
+        let program = &self.options.program;
+        let is_replaced = self.runs_own_program && !is_own(program);
+        if is_replaced { PathBuf::from(OWN_PROGRAM) } else { program.clone() }
+    }
+
+    /// Replaces a guard that was killed, or that is stopped. `late` is the time for which the launcher itself was held
+    /// up, ns.
+    pub(super) fn monitor_guard(&mut self, late: u64, observe: &mut dyn FnMut(Event<'_>)) {
+        let now = monotonic_ns();
+        if let Some(due_ns) = self.guard.due_ns {
+            if now >= due_ns {
+                self.guard.due_ns = None;
+                self.restart_guard(observe);
+            }
+            return;
+        }
+        let alive_ns = self.region.header().guard_alive_ns.load(Relaxed).max(self.guard.since_ns);
+        let guard = &mut self.guard;
+        let Some(child) = &mut guard.child else { return };
+        // A launcher that was held up itself gives the guard its time again.
+        if late > SILENCE_NS / 2 {
+            guard.since_ns = now;
+        } else if now.saturating_sub(alive_ns) > SILENCE_NS {
+            child.kill();
+        }
+        let Some(how) = child.ended().map(str::to_string) else {
+            if now.saturating_sub(guard.since_ns) >= SILENCE_NS {
+                guard.failures = 0;
+            }
+            return;
+        };
+        let how = match how.as_str() {
+            "killed by the launcher" => "it does not respond and was killed".to_string(),
+            _ => how,
+        };
+        // Until then it did its work: it says that it is alive.
+        let worked = self.region.header().guard_alive_ns.load(Relaxed) > guard.since_ns;
+        guard.failures = if worked { 0 } else { guard.failures + 1 };
+        let delay_ns =
+            guard.history.grant(&POLICY, true, worked.then_some(guard.since_ns), now).unwrap_or_default();
+        guard.due_ns = Some(now + delay_ns);
+        guard.child = None;
+        let consequence = match delay_ns / 1_000_000 {
+            0 => "started again".to_string(),
+            delay_ms => format!("started again in {delay_ms} ms"),
+        };
+        let consequence = &consequence;
+        observe(Event::Failed { component: "guard", tick: 0, reason: &how, consequence, seen_ns: None });
+        if delay_ns == 0 {
+            guard.due_ns = None;
+            self.restart_guard(observe);
+        }
+    }
+
+    fn restart_guard(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let Err(error) = self.start_guard() else { return };
+        let reason = error.to_string();
+        let consequence = "the run continues unguarded";
+        observe(Event::Failed { component: "guard", tick: 0, reason: &reason, consequence, seen_ns: None });
+        self.guard.refused = Some(reason);
+    }
+}
+
+/// True if a file is the program that this process runs.
+pub(super) fn is_own(program: &Path) -> bool {
+    let same = |path: &Path| std::fs::metadata(path).ok().map(|file| (file.dev(), file.ino()));
+    same(program).is_some_and(|file| Some(file) == same(Path::new(OWN_PROGRAM)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_replaced_file_is_not_the_own_program() {
+        assert!(is_own(&std::env::current_exe().unwrap()));
+        assert!(!is_own(Path::new("/bin/sh")) && !is_own(Path::new("/nowhere")));
+    }
+
+    #[test]
+    fn a_guard_that_fails_again_and_again_is_missing() {
+        let mut guard = Guard::default();
+        assert_eq!(guard.missing(), None);
+        guard.failures = FAILURES;
+        assert!(guard.missing().unwrap().contains("3 times in a row"));
+        guard.refused = Some("no processes left".to_string());
+        assert_eq!(guard.missing().unwrap(), "the run had no guard at its end: no processes left");
+    }
+}

@@ -1,0 +1,96 @@
+//! Shortfalls of a run that ended in good order: what its actuators and its components did not do.
+
+use std::sync::atomic::Ordering::Relaxed;
+
+use super::hang::LostShare;
+use super::{Event, Launch};
+use crate::os::monotonic_ns;
+use crate::plan::{ClockKind, ComponentPlan};
+use crate::region::{ComponentBlock, Phase};
+use crate::state::{JointCommand, StateBuffer as _};
+
+/// Share of refused commands from which on an actuator did not do its job.
+const REFUSED: f64 = 0.5;
+
+impl Launch {
+    /// Notes, before the components are ended, which actuators did not follow their commands.
+    pub(super) fn note_gates(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let now_ns = match self.plan.clock {
+            ClockKind::Lockstep => self.reached_ns,
+            ClockKind::Realtime => monotonic_ns(),
+        };
+        let components = self.plan.components.iter().zip(self.region.components());
+        let actuators = components.filter(|(component, _)| component.actuator);
+        let found: Vec<String> =
+            actuators.flat_map(|(component, block)| shortfalls(component, block, now_ns)).collect();
+        found.iter().for_each(|warning| observe(Event::Warning(warning)));
+        self.warnings.extend(found);
+    }
+
+    /// Notes, after the components have ended, which of them did not end in good order.
+    pub(super) fn note_ends(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let mut found = Vec::new();
+        for (index, component) in self.plan.components.iter().enumerate() {
+            let name = &component.name;
+            if let Some(supervision) = self.supervision.get(index).filter(|supervision| supervision.is_gone())
+            {
+                // In real time this was noted before the end.
+                let lost = supervision.lost.as_ref().filter(|_| self.plan.clock == ClockKind::Lockstep);
+                found.extend(lost.map(|reason| format!("`{name}` ended before the run: {reason}")));
+                continue;
+            }
+            let block = &self.region.components()[index];
+            let how = self.children[index].ended().unwrap_or("it did not end").to_string();
+            if block.phase() != Phase::Stopped {
+                let reason = block.failure().map_or(how, |(_, reason)| reason);
+                found.push(format!("`{name}` did not end in good order: {reason}"));
+            }
+        }
+        found.iter().for_each(|warning| observe(Event::Warning(warning)));
+        self.warnings.extend(found);
+    }
+
+    /// Notes what components say about themselves: the texts under `shortfalls` of their results.
+    pub(super) fn note_results(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
+        let mut found = Vec::new();
+        for component in &self.plan.components {
+            let result = self.folder.result(&component.name);
+            let warnings = result.as_ref().and_then(|result| result.get("shortfalls")?.as_array());
+            let texts = warnings.into_iter().flatten().filter_map(|warning| warning.as_str());
+            found.extend(texts.map(|text| format!("`{}`: {text}", component.name)));
+        }
+        found.iter().for_each(|warning| observe(Event::Warning(warning)));
+        self.warnings.extend(found);
+    }
+}
+
+/// The shortfalls of one actuator until `now_ns`, as text.
+fn shortfalls(component: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> Vec<String> {
+    let name = &component.name;
+    let is_commanded = component
+        .inputs
+        .iter()
+        .any(|port| port.layout.type_name == JointCommand::NAME && port.topic.is_some());
+    let first_ns = block.first_step_ns.load(Relaxed);
+    let lasted_ns = now_ns.saturating_sub(first_ns);
+    if !is_commanded || lasted_ns == 0 || block.gate.report().is_none() {
+        return Vec::new();
+    }
+    let mut found = Vec::new();
+    let steps = block.steps.load(Relaxed).max(1);
+    let refused: u64 = block.gate.refusals().iter().fold(0, |sum, count| sum.saturating_add(*count));
+    if refused as f64 >= REFUSED * steps as f64 {
+        found.push(format!("`{name}` refused {refused} commands in {steps} steps"));
+    }
+    let share = block.gate.safe_ns(now_ns) as f64 / lasted_ns as f64;
+    let allowed = component.liveness.lost_steps;
+    if !block.gate.has_followed() && found.is_empty() && allowed < 1.0 {
+        found.push(format!("`{name}` was in its safe state for the whole run: no command was applied"));
+    } else if share > allowed {
+        let (share, allowed) = (LostShare(share), LostShare(allowed));
+        found.push(format!(
+            "`{name}` was in its safe state for {share} of the run (`lost_steps` allows {allowed})"
+        ));
+    }
+    found
+}
