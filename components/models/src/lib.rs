@@ -1,5 +1,12 @@
 //! Function approximators without the runtime.
 //!
 //! - [`networks`]: neural networks with seeded training on the CPU.
+//! - [`inference`]: networks as lists of operations that run without allocation.
+//! - [`onnx`]: reads and writes networks as ONNX files.
+//! - [`safetensors`]: reads and writes named tensors.
 
+pub mod arithmetic;
+pub mod inference;
 pub mod networks;
+pub mod onnx;
+pub mod safetensors;
