@@ -5,6 +5,7 @@
 
 mod adam;
 mod convolutional;
+pub mod differentiable;
 mod layers;
 
 pub use adam::Adam;
