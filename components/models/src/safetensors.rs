@@ -26,7 +26,9 @@ pub struct Tensors {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SafetensorsError {
     /// The file ends before its header does.
-    #[error("{found} bytes, expected a header of {expected} bytes and eight for its length; is it a safetensors file?")]
+    #[error(
+        "{found} bytes, expected a header of {expected} bytes and eight for its length; is it a safetensors file?"
+    )]
     Short {
         /// Bytes of the file.
         found: usize,
@@ -37,7 +39,9 @@ pub enum SafetensorsError {
     #[error("invalid header: {0}")]
     Header(String),
     /// Unsupported type of numbers.
-    #[error("tensor \"{name}\" has numbers of type {found}, expected F32, F64, F16 or BF16; help: convert it with `.float()`")]
+    #[error(
+        "tensor \"{name}\" has numbers of type {found}, expected F32, F64, F16 or BF16; help: convert it with `.float()`"
+    )]
     Type {
         /// Name of the tensor.
         name: String,
@@ -110,7 +114,8 @@ pub fn read(bytes: &[u8]) -> Result<Tensors, SafetensorsError> {
     let metadata = entries.remove("__metadata__").map(serde_json::from_value).transpose().map_err(invalid)?;
     let mut tensors = BTreeMap::new();
     for (name, entry) in entries {
-        let Entry { dtype, shape, data_offsets: [from, to] } = serde_json::from_value(entry).map_err(invalid)?;
+        let Entry { dtype, shape, data_offsets: [from, to] } =
+            serde_json::from_value(entry).map_err(invalid)?;
         let width = match &dtype[..] {
             "F16" | "BF16" => 2,
             "F32" => 4,
@@ -182,7 +187,13 @@ mod tests {
 
     #[test]
     fn halves_widen_exactly() {
-        let pairs = [(0x3c00, 1.0), (0xc000, -2.0), (0x0001, 5.960_464_5e-8), (0x7bff, 65504.0), (0x3555, 0.333_251_95)];
+        let pairs = [
+            (0x3c00, 1.0),
+            (0xc000, -2.0),
+            (0x0001, 5.960_464_5e-8),
+            (0x7bff, 65504.0),
+            (0x3555, 0.333_251_95),
+        ];
         assert!(pairs.iter().all(|(bits, value)| half(*bits) == *value));
         assert!(half(0x7c00).is_infinite() && half(0x7e00).is_nan());
     }

@@ -173,8 +173,7 @@ impl Program {
     pub fn feed_back(&mut self, output: usize, input: usize) {
         let (from, to) = (self.outputs[output].buffer, self.inputs[input].buffer);
         if from != to {
-            let target = core::mem::take(&mut self.buffers[to]);
-            let mut target = target;
+            let mut target = core::mem::take(&mut self.buffers[to]);
             target.copy_from_slice(&self.buffers[from]);
             self.buffers[to] = target;
         }
@@ -255,15 +254,10 @@ impl Recurrent {
         for (index, direction) in directions.iter_mut().enumerate() {
             let range = index * state..(index + 1) * state;
             let initial = initial.map(|buffer| buffer.map(|buffer| &buffers[buffer][range.clone()]));
-            direction.run(
-                (arch, *sequence),
-                &buffers[input],
-                (initial[0], initial[1]),
-                |step, values| {
-                    let first = (step * count + index) * state;
-                    output[first..first + state].copy_from_slice(values);
-                },
-            );
+            direction.run((arch, *sequence), &buffers[input], (initial[0], initial[1]), |step, values| {
+                let first = (step * count + index) * state;
+                output[first..first + state].copy_from_slice(values);
+            });
             buffers[last[0]][range.clone()].copy_from_slice(direction.hidden());
             buffers[last[1]][range].copy_from_slice(direction.cell());
         }

@@ -71,8 +71,7 @@ impl Packed {
             };
             numbers.extend(columns.clone().map(|column| padded(column, &bias)));
             for input in 0..inputs {
-                numbers
-                    .extend(columns.clone().map(|column| padded(column, &|output| weight(output, input))));
+                numbers.extend(columns.clone().map(|column| padded(column, &|output| weight(output, input))));
             }
             first += width;
         }

@@ -30,7 +30,9 @@ impl Reduction {
             let numbers = numbers.map(|offset| input[*offset as usize]);
             *output = match self {
                 Self::Mean => numbers.sum::<f32>() / (range[1] - range[0]) as f32,
-                Self::Max => numbers.fold(f32::NEG_INFINITY, |max, x| if x > max || x.is_nan() { x } else { max }),
+                Self::Max => {
+                    numbers.fold(f32::NEG_INFINITY, |max, x| if x > max || x.is_nan() { x } else { max })
+                }
             };
         }
     }
@@ -64,7 +66,8 @@ impl WithSimd for Softmax<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
         let Along { length, inner, .. } = self.along;
-        let blocks = self.input.chunks_exact(length * inner).zip(self.output.chunks_exact_mut(length * inner));
+        let blocks =
+            self.input.chunks_exact(length * inner).zip(self.output.chunks_exact_mut(length * inner));
         for (input, output) in blocks {
             for column in 0..inner {
                 let max = (0..length).fold(f32::NEG_INFINITY, |max, k| max.max(input[k * inner + column]));

@@ -30,7 +30,8 @@ impl Compiler {
 
     /// A new buffer for a tensor.
     pub(super) fn buffer(&mut self, node: &Node<'_>, shape: &[usize]) -> Result<Buffer, OnnxError> {
-        let length = count(shape).ok_or_else(|| node.error(format!("a tensor of shape {shape:?} is too large")))?;
+        let length =
+            count(shape).ok_or_else(|| node.error(format!("a tensor of shape {shape:?} is too large")))?;
         self.reserve(node, length)?;
         Ok(self.program.buffer(length))
     }
@@ -176,7 +177,10 @@ pub(super) fn compile(
                 "" => None,
                 name => {
                     let value = values.get(name).cloned();
-                    Some(value.ok_or_else(|| node.error(format!("input \"{name}\" is not computed before")))?)
+                    Some(
+                        value
+                            .ok_or_else(|| node.error(format!("input \"{name}\" is not computed before")))?,
+                    )
                 }
             };
             node.inputs.push(value);

@@ -22,7 +22,9 @@ impl Compiler {
                 let bound = |name: &str, index: usize, default: f32| match node.optional(index) {
                     Some(_) => match node.reals(index)?[..] {
                         [bound] => Ok(bound),
-                        ref bounds => Err(node.error(format!("{} numbers as a bound, expected 1", bounds.len()))),
+                        ref bounds => {
+                            Err(node.error(format!("{} numbers as a bound, expected 1", bounds.len())))
+                        }
                     },
                     None => Ok(node.real(name, default)),
                 };
@@ -63,7 +65,8 @@ impl Compiler {
             return Ok(vec![self.fold(node, Operation::Unary(buffer, Unary::Square), shape)?]);
         }
         let (a, b) = (self.operand(node, 0)?, self.operand(node, 1)?);
-        let operands = [self.operand_offsets(node, &a.shape, &shape)?, self.operand_offsets(node, &b.shape, &shape)?];
+        let operands =
+            [self.operand_offsets(node, &a.shape, &shape)?, self.operand_offsets(node, &b.shape, &shape)?];
         Ok(vec![self.fold(node, Operation::Binary([a.buffer, b.buffer], function, operands), shape)?])
     }
 

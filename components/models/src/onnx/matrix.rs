@@ -47,7 +47,8 @@ impl Compiler {
         } else {
             let b = self.computed(node, &b)?;
             let product = Product { sizes: [rows, inner, columns], offsets: vec![[0, 0]] };
-            let product = self.push(node, Operation::Product([a.buffer, b.buffer], product), shape.clone())?;
+            let product =
+                self.push(node, Operation::Product([a.buffer, b.buffer], product), shape.clone())?;
             self.scaled(node, product, alpha)?
         };
         let Some(rest) = rest else { return Ok(vec![Value::Computed(computed)]) };
@@ -121,7 +122,11 @@ impl Compiler {
         let offsets = broadcast_offsets(batch_a, &batch).into_iter().zip(broadcast_offsets(batch_b, &batch));
         let offsets = offsets.map(|(k, l)| [k * rows * inner, l * inner * columns]).collect();
         let product = Product { sizes: [rows, inner, columns], offsets };
-        Ok(vec![Value::Computed(self.push(node, Operation::Product([a.buffer, b.buffer], product), shape)?)])
+        Ok(vec![Value::Computed(self.push(
+            node,
+            Operation::Product([a.buffer, b.buffer], product),
+            shape,
+        )?)])
     }
 }
 

@@ -128,10 +128,11 @@ impl Model {
         let shape = |input: &proto::ValueInfo| {
             let tensor = input.kind.as_ref().and_then(|kind| kind.tensor.as_ref());
             let dims = tensor.and_then(|tensor| tensor.shape.as_ref()).map_or(&[][..], |shape| &shape.dim);
-            let length = |dim: &proto::Dimension| match dim.value.and_then(|value| usize::try_from(value).ok()) {
-                Some(value) if dim.name.is_empty() => Length::Fixed(value),
-                _ => Length::Free(dim.name.clone()),
-            };
+            let length =
+                |dim: &proto::Dimension| match dim.value.and_then(|value| usize::try_from(value).ok()) {
+                    Some(value) if dim.name.is_empty() => Length::Fixed(value),
+                    _ => Length::Free(dim.name.clone()),
+                };
             dims.iter().map(length).collect()
         };
         provided.map(|input| Input { name: input.name.clone(), shape: shape(input) }).collect()

@@ -10,7 +10,9 @@ impl Compiler {
     pub(super) fn constant(node: &Node<'_>) -> Outputs {
         let of = |name: &str| node.attribute(name);
         let constant = if let Some(value) = of("value") {
-            Constant::from_proto(value.t.as_ref().ok_or_else(|| node.error("attribute \"value\" has no tensor"))?)?
+            Constant::from_proto(
+                value.t.as_ref().ok_or_else(|| node.error("attribute \"value\" has no tensor"))?,
+            )?
         } else if let Some(value) = of("value_float") {
             Constant::reals(Vec::new(), vec![value.f])
         } else if let Some(value) = of("value_floats") {
@@ -51,7 +53,8 @@ impl Compiler {
     pub(super) fn shape(node: &Node<'_>) -> Outputs {
         let shape = node.input(0)?.shape();
         let rank = shape.len() as i64;
-        let end = |value: i64| (if value < 0 { value.saturating_add(rank) } else { value }).clamp(0, rank) as usize;
+        let end =
+            |value: i64| (if value < 0 { value.saturating_add(rank) } else { value }).clamp(0, rank) as usize;
         let (start, stop) = (end(node.integer("start", 0)), end(node.integer("end", rank)));
         let lengths = shape[start..stop.max(start)].iter().map(|length| *length as i64).collect();
         Ok(vec![Value::Constant(Constant::list(lengths))])
@@ -161,7 +164,9 @@ impl Compiler {
         let axis = node.axis(node.integer("axis", 0), shape.len())?;
         let parts = node.proto.output.len();
         let lengths = match node.listed("split", 1)? {
-            Some(lengths) => lengths.iter().map(|length| usize::try_from(*length).unwrap_or(usize::MAX)).collect(),
+            Some(lengths) => {
+                lengths.iter().map(|length| usize::try_from(*length).unwrap_or(usize::MAX)).collect()
+            }
             None => {
                 let length = shape[axis].div_ceil(parts.max(1));
                 let part = |k: usize| length.min(shape[axis].saturating_sub(k * length));
@@ -170,7 +175,8 @@ impl Compiler {
         };
         let total = lengths.iter().try_fold(0_usize, |sum, length| sum.checked_add(*length));
         if total != Some(shape[axis]) || lengths.len() != parts {
-            let message = format!("parts {lengths:?} for {parts} outputs of an axis of length {}", shape[axis]);
+            let message =
+                format!("parts {lengths:?} for {parts} outputs of an axis of length {}", shape[axis]);
             return Err(node.error(message));
         }
         let along = strides(&shape);
@@ -192,9 +198,8 @@ impl Compiler {
         let indices = node.whole(1)?;
         let indices: Result<Vec<usize>, OnnxError> =
             indices.iter().map(|index| node.axis(*index, shape[axis])).collect();
-        let indices = indices.map_err(|_| {
-            node.error(format!("indices beyond the axis {axis} of length {}", shape[axis]))
-        })?;
+        let indices = indices
+            .map_err(|_| node.error(format!("indices beyond the axis {axis} of length {}", shape[axis])))?;
         let inner: usize = shape[axis + 1..].iter().product();
         let mut result = shape[..axis].to_vec();
         result.extend(&node.constant(1)?.shape);
@@ -205,9 +210,7 @@ impl Compiler {
         let block = shape[axis] * inner;
         let found: Vec<usize> = (0..outer)
             .flat_map(|row| {
-                indices
-                    .iter()
-                    .flat_map(move |index| (0..inner).map(move |k| row * block + index * inner + k))
+                indices.iter().flat_map(move |index| (0..inner).map(move |k| row * block + index * inner + k))
             })
             .collect();
         Ok(vec![self.pick(node, &value, result, &found)?])
@@ -227,7 +230,9 @@ impl Compiler {
             }
             "Squeeze" => {
                 let axes = match node.listed("axes", 1)? {
-                    Some(axes) => axes.iter().map(|axis| node.axis(*axis, old.len())).collect::<Result<_, _>>()?,
+                    Some(axes) => {
+                        axes.iter().map(|axis| node.axis(*axis, old.len())).collect::<Result<_, _>>()?
+                    }
                     None => (0..old.len()).filter(|axis| old[*axis] == 1).collect::<Vec<_>>(),
                 };
                 if let Some(axis) = axes.iter().find(|axis| old[**axis] != 1) {
@@ -263,8 +268,8 @@ impl Compiler {
                 }
                 if let Some(axis) = free {
                     let rest = count(&shape).filter(|rest| *rest > 0 && total.is_multiple_of(*rest));
-                    let rest = rest
-                        .ok_or_else(|| node.error(format!("shape {old:?} cannot become {wanted:?}")))?;
+                    let rest =
+                        rest.ok_or_else(|| node.error(format!("shape {old:?} cannot become {wanted:?}")))?;
                     shape[axis] = total / rest;
                 }
                 shape
@@ -293,7 +298,12 @@ impl Compiler {
     }
 
     /// A tensor with its axes in another order.
-    pub(super) fn permuted(&mut self, node: &Node<'_>, value: &Value, order: &[usize]) -> Result<Value, OnnxError> {
+    pub(super) fn permuted(
+        &mut self,
+        node: &Node<'_>,
+        value: &Value,
+        order: &[usize],
+    ) -> Result<Value, OnnxError> {
         let old = value.shape();
         let along = strides(old);
         let shape: Vec<usize> = order.iter().map(|axis| old[*axis]).collect();

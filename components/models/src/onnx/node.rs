@@ -45,11 +45,7 @@ impl Node<'_> {
 
     /// An error of this node.
     pub(super) fn error(&self, message: impl Into<String>) -> OnnxError {
-        OnnxError::Node {
-            node: self.label(),
-            operator: self.proto.op_type.clone(),
-            message: message.into(),
-        }
+        OnnxError::Node { node: self.label(), operator: self.proto.op_type.clone(), message: message.into() }
     }
 
     /// The error of an operator outside the list.
@@ -72,8 +68,10 @@ impl Node<'_> {
     }
 
     pub(super) fn text(&self, name: &str, default: &str) -> String {
-        self.attribute(name)
-            .map_or_else(|| default.to_owned(), |attribute| String::from_utf8_lossy(&attribute.s).into_owned())
+        self.attribute(name).map_or_else(
+            || default.to_owned(),
+            |attribute| String::from_utf8_lossy(&attribute.s).into_owned(),
+        )
     }
 
     pub(super) fn integers(&self, name: &str) -> Option<&[i64]> {
@@ -92,9 +90,8 @@ impl Node<'_> {
     pub(super) fn constant(&self, index: usize) -> Result<&Constant, OnnxError> {
         match self.input(index)? {
             Value::Constant(constant) => Ok(constant),
-            Value::Computed(_) => {
-                Err(self.error(format!("input {index} depends on the inputs of the network, expected a constant")))
-            }
+            Value::Computed(_) => Err(self
+                .error(format!("input {index} depends on the inputs of the network, expected a constant"))),
         }
     }
 
@@ -107,7 +104,9 @@ impl Node<'_> {
     pub(super) fn whole(&self, index: usize) -> Result<Vec<i64>, OnnxError> {
         match &self.constant(index)?.numbers {
             Numbers::Whole(values) => Ok(values.clone()),
-            Numbers::Real(_) => Err(self.error(format!("input {index} holds real numbers, expected integers"))),
+            Numbers::Real(_) => {
+                Err(self.error(format!("input {index} holds real numbers, expected integers")))
+            }
         }
     }
 

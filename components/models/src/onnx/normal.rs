@@ -25,8 +25,10 @@ impl Compiler {
         let result = result.map(|axis| if is_reduced(&axis) { 1 } else { shape[axis] }).collect();
         self.reserve(node, shape.iter().product())?;
         // the axes that stay before those that go: each part is then one row
-        let order: Vec<usize> =
-            (0..shape.len()).filter(|axis| !is_reduced(axis)).chain((0..shape.len()).filter(is_reduced)).collect();
+        let order: Vec<usize> = (0..shape.len())
+            .filter(|axis| !is_reduced(axis))
+            .chain((0..shape.len()).filter(is_reduced))
+            .collect();
         let along = strides(&shape);
         let lengths: Vec<usize> = order.iter().map(|axis| shape[*axis]).collect();
         let along: Vec<usize> = order.iter().map(|axis| along[*axis]).collect();
@@ -69,7 +71,9 @@ impl Compiler {
         let inner = shape.iter().skip(2).product();
         let lengths = [&scale, &bias, &mean, &variance].map(Vec::len);
         if lengths != [channels; 4] || channels == 0 || inner == 0 {
-            let message = format!("scale, bias, mean and variance of lengths {lengths:?}, expected {channels} channels");
+            let message = format!(
+                "scale, bias, mean and variance of lengths {lengths:?}, expected {channels} channels"
+            );
             return Err(node.error(message));
         }
         let epsilon = node.real("epsilon", 1e-5);

@@ -20,7 +20,9 @@ impl Compiler {
             return Err(node.error("layout 1 (batch first) is not supported; help: export with layout 0"));
         }
         if node.optional(4).is_some() {
-            return Err(node.error("sequence lengths (input 4) are not supported; help: pass whole sequences"));
+            return Err(
+                node.error("sequence lengths (input 4) are not supported; help: pass whole sequences")
+            );
         }
         if node.optional(7).is_some() {
             return Err(node.error("peephole weights (input 7) are not supported"));
@@ -54,7 +56,8 @@ impl Compiler {
             );
             return Err(node.error(message));
         }
-        let bias = if node.optional(3).is_some() { node.reals(3)? } else { vec![0.0; directions * 2 * gates] };
+        let bias =
+            if node.optional(3).is_some() { node.reals(3)? } else { vec![0.0; directions * 2 * gates] };
         if bias.len() != directions * 2 * gates {
             return Err(node.error(format!("{} biases, expected {}", bias.len(), directions * 2 * gates)));
         }
@@ -91,7 +94,9 @@ impl Compiler {
                 let Computed { shape, buffer } = self.operand(node, index)?;
                 if shape != [directions, batch, hidden] {
                     let expected = [directions, batch, hidden];
-                    return Err(node.error(format!("input {index} has the shape {shape:?}, expected {expected:?}")));
+                    return Err(
+                        node.error(format!("input {index} has the shape {shape:?}, expected {expected:?}"))
+                    );
                 }
                 *state = Some(buffer);
             }

@@ -20,14 +20,17 @@ impl Compiler {
         let rank = input.len();
         let list = |name: &str, default: usize, least: i64, length: usize| match node.integers(name) {
             None => Ok(vec![default; length]),
-            Some(values) if values.len() == length && values.iter().all(|value| (least..1 << 20).contains(value)) => {
+            Some(values)
+                if values.len() == length && values.iter().all(|value| (least..1 << 20).contains(value)) =>
+            {
                 Ok(values.iter().map(|value| *value as usize).collect())
             }
             Some(values) => Err(node.error(format!("{name} {values:?} for {rank} spatial axes"))),
         };
         let (step, dilation) = (list("strides", 1, 1, rank)?, list("dilations", 1, 1, rank)?);
         let mut pads = list("pads", 0, 0, 2 * rank)?;
-        let reach: Vec<usize> = (0..rank).map(|axis| (kernel[axis].max(1) - 1) * dilation[axis] + 1).collect();
+        let reach: Vec<usize> =
+            (0..rank).map(|axis| (kernel[axis].max(1) - 1) * dilation[axis] + 1).collect();
         match &node.text("auto_pad", "NOTSET")[..] {
             "NOTSET" => {}
             "VALID" => pads.fill(0),
@@ -45,7 +48,8 @@ impl Compiler {
         let mut output = Vec::new();
         for axis in 0..rank {
             let span = (input[axis] + pads[axis] + pads[rank + axis]).checked_sub(reach[axis]);
-            let span = span.ok_or_else(|| node.error(format!("a kernel {kernel:?} over an input {input:?}")))?;
+            let span =
+                span.ok_or_else(|| node.error(format!("a kernel {kernel:?} over an input {input:?}")))?;
             let mut length = if ceil { span.div_ceil(step[axis]) } else { span / step[axis] } + 1;
             // a window must begin within the input or its lower padding
             if ceil && (length - 1) * step[axis] >= input[axis] + pads[axis] {
@@ -89,8 +93,7 @@ impl Compiler {
             && weights.shape[1].checked_mul(groups) == Some(shape[1])
             && weights.shape.iter().chain(&shape).all(|length| *length > 0);
         if !fits {
-            let message =
-                format!("weights {:?} in {groups} groups for an input {shape:?}", weights.shape);
+            let message = format!("weights {:?} in {groups} groups for an input {shape:?}", weights.shape);
             return Err(node.error(message));
         }
         let (outputs, channels, kernel) = (weights.shape[0], weights.shape[1], &weights.shape[2..]);
@@ -154,13 +157,19 @@ impl Compiler {
         }
         let mut result = shape[..2].to_vec();
         result.extend(output);
-        Ok(vec![Value::Computed(self.push(node, Operation::Reduce(buffer, Reduction::Max, parts), result)?)])
+        Ok(vec![Value::Computed(self.push(
+            node,
+            Operation::Reduce(buffer, Reduction::Max, parts),
+            result,
+        )?)])
     }
 
     pub(super) fn global_average_pool(&mut self, node: &Node<'_>) -> Outputs {
         let Computed { shape, buffer } = self.operand(node, 0)?;
         if shape.len() < 3 || shape.contains(&0) {
-            return Err(node.error(format!("an input of shape {shape:?}, expected samples, channels and space")));
+            return Err(
+                node.error(format!("an input of shape {shape:?}, expected samples, channels and space"))
+            );
         }
         let (channels, space) = (shape[0] * shape[1], shape[2..].iter().product::<usize>());
         self.reserve(node, channels * space)?;
@@ -170,6 +179,10 @@ impl Compiler {
         };
         let mut result = shape[..2].to_vec();
         result.resize(shape.len(), 1);
-        Ok(vec![Value::Computed(self.push(node, Operation::Reduce(buffer, Reduction::Mean, parts), result)?)])
+        Ok(vec![Value::Computed(self.push(
+            node,
+            Operation::Reduce(buffer, Reduction::Mean, parts),
+            result,
+        )?)])
     }
 }

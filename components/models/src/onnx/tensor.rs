@@ -4,7 +4,7 @@ use super::OnnxError;
 use super::proto::TensorProto;
 
 /// Numbers in all buffers of a network together.
-pub(super) const MAX_NUMBERS: usize = 1 << 25;
+pub(super) const MAX_NUMBERS: usize = 1 << 24;
 
 /// Numbers of a constant.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,7 +77,8 @@ impl Constant {
     pub(super) fn from_proto(tensor: &TensorProto) -> Result<Self, OnnxError> {
         let error = |message: String| OnnxError::Tensor { name: tensor.name.clone(), message };
         if !tensor.external_data.is_empty() {
-            let message = "its numbers are in another file; help: save the model with `save_as_external_data=False`";
+            let message =
+                "its numbers are in another file; help: save the model with `save_as_external_data=False`";
             return Err(error(message.to_owned()));
         }
         let shape: Option<Vec<usize>> = tensor.dims.iter().map(|dim| usize::try_from(*dim).ok()).collect();
@@ -93,7 +94,9 @@ impl Constant {
         };
         let numbers = match tensor.data_type {
             1 if raw.is_empty() => Numbers::Real(tensor.float_data.clone()),
-            1 => Numbers::Real(raw.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect()),
+            1 => {
+                Numbers::Real(raw.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect())
+            }
             11 if raw.is_empty() => {
                 Numbers::Real(tensor.double_data.iter().map(|value| *value as f32).collect())
             }
@@ -103,7 +106,9 @@ impl Constant {
             10 => Numbers::Real(halves(crate::safetensors::half)),
             16 => Numbers::Real(halves(crate::safetensors::brain_half)),
             7 if raw.is_empty() => Numbers::Whole(tensor.int64_data.clone()),
-            7 => Numbers::Whole(raw.as_chunks::<8>().0.iter().map(|bytes| i64::from_le_bytes(*bytes)).collect()),
+            7 => Numbers::Whole(
+                raw.as_chunks::<8>().0.iter().map(|bytes| i64::from_le_bytes(*bytes)).collect(),
+            ),
             2 | 3 | 6 | 9 if raw.is_empty() => {
                 Numbers::Whole(tensor.int32_data.iter().map(|value| i64::from(*value)).collect())
             }

@@ -37,7 +37,10 @@ fn node(operator: &str, inputs: &[&str], outputs: &[&str]) -> NodeProto {
     NodeProto {
         input: owned(inputs),
         output: owned(outputs),
-        name: outputs.iter().find(|name| !name.is_empty()).map_or_else(String::new, |name| format!("{operator}_{name}")),
+        name: outputs
+            .iter()
+            .find(|name| !name.is_empty())
+            .map_or_else(String::new, |name| format!("{operator}_{name}")),
         op_type: operator.to_owned(),
         ..NodeProto::default()
     }

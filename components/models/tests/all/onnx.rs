@@ -130,7 +130,10 @@ fn a_row_in_a_batch_keeps_its_bits() {
             for index in 0..program.inputs().len() {
                 let input = program.input_mut(index);
                 let width = input.len() / rows;
-                input.iter_mut().enumerate().for_each(|(k, x)| *x = number(k % width + 31 * (k / width + first)));
+                input
+                    .iter_mut()
+                    .enumerate()
+                    .for_each(|(k, x)| *x = number(k % width + 31 * (k / width + first)));
             }
             program.run();
             program.output(0).iter().map(|x| x.to_bits()).collect::<Vec<u32>>()
@@ -166,7 +169,10 @@ fn an_unsupported_operator_is_named_with_its_node() {
     let place = file.windows(6).position(|bytes| bytes == *b"\"\x04Tanh").expect("an operator") + 2;
     file[place..place + 4].copy_from_slice(b"Sinh");
     let error = Model::read(&file).expect("a model").program(1).expect_err("no such operator");
-    assert!(error.to_string().starts_with("node \"Tanh_dense_0_activated\": operator Sinh is not supported"), "{error}");
+    assert!(
+        error.to_string().starts_with("node \"Tanh_dense_0_activated\": operator Sinh is not supported"),
+        "{error}"
+    );
 }
 
 #[test]

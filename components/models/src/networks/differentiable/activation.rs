@@ -27,8 +27,20 @@ impl Function {
         let (zero, one) = (T::default(), T::from_f64(1.0));
         match self {
             Self::Relu => x.larger(zero),
-            Self::Elu(alpha) => if x > zero { x } else { T::from_f64(alpha) * x.exp_m1() },
-            Self::LeakyRelu(alpha) => if x > zero { x } else { T::from_f64(alpha) * x },
+            Self::Elu(alpha) => {
+                if x > zero {
+                    x
+                } else {
+                    T::from_f64(alpha) * x.exp_m1()
+                }
+            }
+            Self::LeakyRelu(alpha) => {
+                if x > zero {
+                    x
+                } else {
+                    T::from_f64(alpha) * x
+                }
+            }
             Self::Tanh => x.tanh(),
             Self::Sigmoid => x.sigmoid(),
             Self::Softplus => x.larger(zero) + (-x.magnitude()).exp().ln_1p(),
@@ -40,9 +52,27 @@ impl Function {
     fn slope<T: Real>(self, x: T, y: T) -> T {
         let (zero, one) = (T::default(), T::from_f64(1.0));
         match self {
-            Self::Relu => if x > zero { one } else { zero },
-            Self::Elu(alpha) => if x > zero { one } else { y + T::from_f64(alpha) },
-            Self::LeakyRelu(alpha) => if x > zero { one } else { T::from_f64(alpha) },
+            Self::Relu => {
+                if x > zero {
+                    one
+                } else {
+                    zero
+                }
+            }
+            Self::Elu(alpha) => {
+                if x > zero {
+                    one
+                } else {
+                    y + T::from_f64(alpha)
+                }
+            }
+            Self::LeakyRelu(alpha) => {
+                if x > zero {
+                    one
+                } else {
+                    T::from_f64(alpha)
+                }
+            }
             Self::Tanh => one - y * y,
             Self::Sigmoid => y * (one - y),
             Self::Softplus => x.sigmoid(),

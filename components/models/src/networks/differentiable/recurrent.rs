@@ -62,7 +62,7 @@ impl Layer for Gru {
         3 * self.hidden * (self.inputs + self.hidden + 2)
     }
 
-    /// Of each step: the gates from inputs and from the state, and room for two gradients by the state.
+    /// The gates from inputs and from the state, for each step.
     fn trace(&self) -> usize {
         6 * self.hidden * self.steps
     }
@@ -120,10 +120,16 @@ impl Layer for Gru {
                     let by_update = g * (state[k] - candidate) * update * (one - update);
                     let by_reset = by_candidate * h[2 * n + k] * reset * (one - reset);
                     (from_x[k], from_x[n + k], from_x[2 * n + k]) = (by_update, by_reset, by_candidate);
-                    (from_h[k], from_h[n + k], from_h[2 * n + k]) = (by_update, by_reset, by_candidate * reset);
+                    (from_h[k], from_h[n + k], from_h[2 * n + k]) =
+                        (by_update, by_reset, by_candidate * reset);
                     by_state[k] = g * update;
                 }
-                affine_backward(products, (state, &from_h), &mut by_state, (&mut *to_products, &mut *to_state_bias));
+                affine_backward(
+                    products,
+                    (state, &from_h),
+                    &mut by_state,
+                    (&mut *to_products, &mut *to_state_bias),
+                );
                 let range = step * self.inputs..(step + 1) * self.inputs;
                 let row = (&inputs[range.clone()], &from_x[..]);
                 affine_backward(weights, row, &mut to_inputs[range], (&mut *to_weights, &mut *to_bias));
@@ -146,7 +152,7 @@ impl Layer for Lstm {
         4 * self.hidden * (self.inputs + self.hidden + 2)
     }
 
-    /// Of each step: the gates from inputs and from the state, and the cell state.
+    /// The gates from inputs and from the state, and the cell state, for each step.
     fn trace(&self) -> usize {
         9 * self.hidden * self.steps
     }
@@ -218,7 +224,12 @@ impl Layer for Lstm {
                     by_cell[k] = by * forget;
                 }
                 by_state.fill(T::default());
-                affine_backward(products, (state, &by_gates), &mut by_state, (&mut *to_products, &mut *to_state_bias));
+                affine_backward(
+                    products,
+                    (state, &by_gates),
+                    &mut by_state,
+                    (&mut *to_products, &mut *to_state_bias),
+                );
                 let range = step * self.inputs..(step + 1) * self.inputs;
                 let row = (&inputs[range.clone()], &by_gates[..]);
                 affine_backward(weights, row, &mut to_inputs[range], (&mut *to_weights, &mut *to_bias));

@@ -49,15 +49,24 @@ fn check(name: &str, layer: &impl Layer, rows: usize) {
         for (k, found) in found.iter().enumerate() {
             let loss = |change: f64| {
                 let (mut parameters, mut input) = (parameters.clone(), input.clone());
-                if which == 0 { input[k] += change } else { parameters[k] += change }
+                if which == 0 {
+                    input[k] += change
+                } else {
+                    parameters[k] += change
+                }
                 gradients::<f64>(layer, &parameters, &input).0
             };
             // fourth order
-            let slope = (8.0 * (loss(step) - loss(-step)) - (loss(2.0 * step) - loss(-2.0 * step))) / (12.0 * step);
+            let slope =
+                (8.0 * (loss(step) - loss(-step)) - (loss(2.0 * step) - loss(-2.0 * step))) / (12.0 * step);
             let error = (slope - found).abs() / found.abs().max(1e-3);
             assert!(error < 1e-6, "{name}, {which}, {k}: {slope} {found}");
             let rounded = (single[which][k] - found).abs();
-            assert!(rounded < 2e-5 * found.abs().max(1.0), "{name}, {which}, {k}: {} {found}", single[which][k]);
+            assert!(
+                rounded < 2e-5 * found.abs().max(1.0),
+                "{name}, {which}, {k}: {} {found}",
+                single[which][k]
+            );
         }
     }
 }
