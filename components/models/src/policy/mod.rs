@@ -89,6 +89,21 @@ pub enum Term {
 }
 
 impl Term {
+    /// Name of the term in `policy.toml`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::BaseLinearVelocity => "base_linear_velocity",
+            Self::BaseAngularVelocity => "base_angular_velocity",
+            Self::ProjectedGravity => "projected_gravity",
+            Self::Command => "command",
+            Self::JointPositions => "joint_positions",
+            Self::JointVelocities => "joint_velocities",
+            Self::LastAction => "last_action",
+            Self::HeightScan => "height_scan",
+            Self::Phase => "phase",
+        }
+    }
+
     /// Message that carries the quantity; `None` for those that the policy computes.
     pub fn message(self) -> Option<&'static str> {
         Some(match self {
