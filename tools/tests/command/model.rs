@@ -70,7 +70,9 @@ default_pose = [1.0, 0.0]
         (&2.into(), &0.into())
     );
     let error = |arguments: &[&str]| {
-        let output = run(&[&["model", "check", path], arguments].concat());
+        let mut all = vec!["model", "check", path];
+        all.extend(arguments);
+        let output = run(&all);
         assert_eq!(output.status.code(), Some(1));
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
