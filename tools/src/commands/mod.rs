@@ -13,6 +13,7 @@ mod kill;
 mod kinds;
 mod library;
 mod loading;
+mod model;
 mod new;
 mod param;
 mod primitive;
@@ -70,6 +71,7 @@ enum Command {
     Bench(bench::Bench),
     Can(can::Can),
     Robot(robot::Robot),
+    Model(model::Model),
     Primitive(primitive::PrimitiveCommand),
     Qp(qp::Qp),
     Doctor(doctor::Doctor),
@@ -108,6 +110,7 @@ impl Cli {
             Some(Command::Bench(command)) => command.run(),
             Some(Command::Can(command)) => command.run(),
             Some(Command::Robot(command)) => command.run(),
+            Some(Command::Model(command)) => command.run(),
             Some(Command::Primitive(command)) => command.run(),
             Some(Command::Qp(command)) => command.run(),
             Some(Command::Doctor(command)) => command.run(),

@@ -1,0 +1,180 @@
+//! Arithmetic of networks: single precision for use, double precision to check gradients.
+//!
+//! The functions on `f32` use only additions, multiplications, divisions and fused multiply-adds, each rounded once, so
+//! that they vectorise and give the same bits on every processor.
+
+use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
+
+/// A scalar type of a network: `f32`, or `f64` for reference computations.
+pub trait Real:
+    Copy
+    + Default
+    + PartialOrd
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+{
+    /// Rounds `value` to this type.
+    fn from_f64(value: f64) -> Self;
+    /// Widens to `f64`.
+    fn to_f64(self) -> f64;
+    /// `self * a + b`, rounded once.
+    #[must_use]
+    fn mul_add(self, a: Self, b: Self) -> Self;
+    /// `exp(self)`; saturates at the largest finite power instead of overflowing for `f32`.
+    #[must_use]
+    fn exp(self) -> Self;
+    /// `exp(self) - 1`, accurate near 0.
+    #[must_use]
+    fn exp_m1(self) -> Self;
+    /// Hyperbolic tangent.
+    #[must_use]
+    fn tanh(self) -> Self;
+    /// `ln(1 + self)`.
+    #[must_use]
+    fn ln_1p(self) -> Self;
+    /// Square root.
+    #[must_use]
+    fn sqrt(self) -> Self;
+    /// `1 / (1 + exp(-self))`.
+    #[must_use]
+    #[inline(always)]
+    fn sigmoid(self) -> Self {
+        let one = Self::from_f64(1.0);
+        one / (one + (-self).exp())
+    }
+    /// The larger number; `other` if `self` is NaN.
+    #[must_use]
+    #[inline(always)]
+    fn larger(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
+    /// The absolute value.
+    #[must_use]
+    #[inline(always)]
+    fn magnitude(self) -> Self {
+        if self < Self::default() { -self } else { self }
+    }
+}
+
+/// The power of two next to `exp(x)` and `exp(x) / power - 1`.
+#[inline(always)]
+fn exp_parts(x: f32) -> (f32, f32) {
+    /// Adding it rounds to an integer, which then stands in the lowest bits.
+    const ROUND: f32 = 12_582_912.0;
+    let x = x.clamp(-87.0, 88.3);
+    let rounded = x.mul_add(core::f32::consts::LOG2_E, ROUND);
+    let n = rounded - ROUND;
+    let r = (-n).mul_add(0.693_359_4, x);
+    let r = (-n).mul_add(-2.121_944_4e-4, r);
+    let q = r.mul_add(1.0 / 5040.0, 1.0 / 720.0);
+    let q = q.mul_add(r, 1.0 / 120.0);
+    let q = q.mul_add(r, 1.0 / 24.0);
+    let q = q.mul_add(r, 1.0 / 6.0);
+    let q = q.mul_add(r, 0.5);
+    let power = f32::from_bits(rounded.to_bits().wrapping_add(127) << 23);
+    (power, (r * r).mul_add(q, r))
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn from_f64(value: f64) -> Self {
+        value as Self
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        self.mul_add(a, b)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        let (power, rest) = exp_parts(self);
+        power.mul_add(rest, power)
+    }
+    #[inline(always)]
+    fn exp_m1(self) -> Self {
+        let (power, rest) = exp_parts(self);
+        power.mul_add(rest, power - 1.0)
+    }
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        // beyond 10 the result is 1 to the last bit
+        let e = Real::exp_m1(2.0 * self.abs().min(10.0));
+        let value = (e / (e + 2.0)).copysign(self);
+        if self.is_nan() { self } else { value }
+    }
+    #[inline(always)]
+    fn ln_1p(self) -> Self {
+        self.ln_1p()
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.sqrt()
+    }
+}
+
+impl Real for f64 {
+    #[inline(always)]
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        self.mul_add(a, b)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        self.exp()
+    }
+    #[inline(always)]
+    fn exp_m1(self) -> Self {
+        self.exp_m1()
+    }
+    #[inline(always)]
+    fn tanh(self) -> Self {
+        self.tanh()
+    }
+    #[inline(always)]
+    fn ln_1p(self) -> Self {
+        self.ln_1p()
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Real;
+
+    #[test]
+    fn single_precision_functions_match_double_precision() {
+        for k in -4000..=4000 {
+            let x = k as f32 * 0.01;
+            let wide = f64::from(x);
+            let close = |found: f32, expected: f64| {
+                let error = (f64::from(found) - expected).abs();
+                assert!(error <= 4e-7 * expected.abs() + 1e-37, "{x}: {found} {expected}");
+            };
+            close(Real::exp(x), wide.exp());
+            close(Real::exp_m1(x), wide.exp_m1());
+            close(Real::tanh(x), wide.tanh());
+            close(Real::sigmoid(x), 1.0 / (1.0 + (-wide).exp()));
+        }
+        assert_eq!(Real::tanh(50.0_f32), 1.0);
+        assert_eq!(Real::tanh(-0.0_f32).to_bits(), (-0.0_f32).to_bits());
+        assert!(Real::tanh(f32::NAN).is_nan() && Real::exp(f32::NAN).is_nan());
+        assert!(Real::exp(1000.0_f32).is_finite());
+    }
+}

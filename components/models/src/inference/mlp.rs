@@ -1,0 +1,54 @@
+//! Multilayer perceptrons from their weights.
+
+use super::{Operation, Packed, Port, Program, Unary};
+
+/// A layer whose numbers do not fit its inputs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "layer {layer} has {weights} weights and {biases} biases, expected {biases} x {inputs} weights; help: weights are outputs x inputs, row by row"
+)]
+pub struct LayerSizeError {
+    /// Index of the layer.
+    pub layer: usize,
+    /// Weights found.
+    pub weights: usize,
+    /// Biases found, one an output.
+    pub biases: usize,
+    /// Inputs of the layer.
+    pub inputs: usize,
+}
+
+impl Program {
+    /// A multilayer perceptron on rows of `inputs` numbers. Each layer is its weights (outputs x inputs, row by row)
+    /// and its bias; `activation` stands between layers, and not behind the last.
+    ///
+    /// # Errors
+    ///
+    /// [`LayerSizeError`] if a layer does not fit the one before.
+    pub fn mlp(
+        rows: usize,
+        inputs: usize,
+        layers: &[(Vec<f32>, Vec<f32>)],
+        activation: Unary,
+    ) -> Result<Self, LayerSizeError> {
+        let mut program = Self::default();
+        let mut buffer = program.buffer(rows * inputs);
+        program.inputs.push(Port { name: "input".to_owned(), shape: vec![rows, inputs], buffer });
+        let mut width = inputs;
+        for (layer, (weights, bias)) in layers.iter().enumerate() {
+            let outputs = bias.len();
+            if outputs == 0 || outputs.checked_mul(width) != Some(weights.len()) {
+                let (weights, biases) = (weights.len(), outputs);
+                return Err(LayerSizeError { layer, weights, biases, inputs: width });
+            }
+            let packed = Packed::new((outputs, width), |o, i| weights[o * width + i], |o| bias[o]);
+            buffer = program.push(Operation::Linear(buffer, packed), rows * outputs);
+            if layer + 1 < layers.len() {
+                buffer = program.push(Operation::Unary(buffer, activation), rows * outputs);
+            }
+            width = outputs;
+        }
+        program.outputs.push(Port { name: "output".to_owned(), shape: vec![rows, width], buffer });
+        Ok(program)
+    }
+}

@@ -1,0 +1,265 @@
+//! Networks as lists of operations over buffers allocated once: running one does not allocate.
+//!
+//! Sums have a fixed order (see [`Packed`]): a row alone and the same row in a batch give the same bits.
+//!
+//! ```
+//! use motorium_models::inference::{Program, Unary};
+//!
+//! // 2 inputs, 2 hidden units, 1 output; weights (outputs x inputs) row by row
+//! let hidden = (vec![1.0, 0.0, 0.0, -1.0], vec![0.0, 0.5]);
+//! let output = (vec![1.0, 2.0], vec![0.25]);
+//! let mut program = Program::mlp(1, 2, &[hidden, output], Unary::Relu)?;
+//! program.input_mut(0).copy_from_slice(&[3.0, 0.25]);
+//! program.run();
+//! assert_eq!(program.output(0), [3.75]);
+//! # Ok::<(), motorium_models::inference::LayerSizeError>(())
+//! ```
+
+mod convolution;
+mod elementwise;
+mod mlp;
+mod packed;
+mod recurrent;
+mod reduce;
+
+pub use convolution::Convolution;
+pub(crate) use convolution::PADDING;
+pub use elementwise::{Binary, Operand, Unary};
+pub use mlp::LayerSizeError;
+pub use packed::Packed;
+pub use recurrent::{Direction, Gates, Sequence};
+pub use reduce::{Affine, Along, LayerNorm, Parts, Reduction, Softmax};
+
+use pulp::Arch;
+
+/// Index of a buffer.
+pub type Buffer = usize;
+
+/// Numbers copied from one buffer to another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// Buffer that is read.
+    pub source: Buffer,
+    /// First number read.
+    pub from: usize,
+    /// First number written.
+    pub to: usize,
+    /// Numbers copied.
+    pub length: usize,
+}
+
+/// A product of matrices that are both computed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Product {
+    /// Rows of the first matrix, columns of the first, columns of the second.
+    pub sizes: [usize; 3],
+    /// Offsets of the two matrices of each product.
+    pub offsets: Vec<[usize; 2]>,
+}
+
+/// A layer of gated units: its directions and its sizes.
+#[derive(Clone, Debug)]
+pub struct Recurrent {
+    /// One or two directions.
+    pub directions: Vec<Direction>,
+    /// Sizes of the run.
+    pub sequence: Sequence,
+    /// Buffers of the initial state and the initial cell state.
+    pub initial: [Option<Buffer>; 2],
+    /// Buffers of the last state and the last cell state.
+    pub last: [Buffer; 2],
+}
+
+/// An operation.
+#[derive(Clone, Debug)]
+pub enum Operation {
+    /// Copies runs of numbers.
+    Copy(Vec<Run>),
+    /// A linear map of each row.
+    Linear(Buffer, Packed),
+    /// Products of computed matrices.
+    Product([Buffer; 2], Product),
+    /// A function of each number.
+    Unary(Buffer, Unary),
+    /// A function of pairs of numbers.
+    Binary([Buffer; 2], Binary, [Operand; 2]),
+    /// A convolution.
+    Convolution(Buffer, Convolution),
+    /// Means or maxima of parts.
+    Reduce(Buffer, Reduction, Parts),
+    /// Normalised exponentials along an axis.
+    Softmax(Buffer, Along),
+    /// Normalised rows.
+    LayerNorm(Buffer, LayerNorm),
+    /// Factors and offsets of channels.
+    Affine(Buffer, Affine),
+    /// Gated units; the output is the state at each step (steps, directions, batch, hidden).
+    Recurrent(Buffer, Box<Recurrent>),
+}
+
+/// An input or an output of a program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Port {
+    /// Name of the tensor.
+    pub name: String,
+    /// Length along each axis.
+    pub shape: Vec<usize>,
+    /// Its buffer.
+    pub(crate) buffer: Buffer,
+}
+
+/// A network ready to run.
+#[derive(Clone, Debug)]
+pub struct Program {
+    pub(crate) buffers: Vec<Vec<f32>>,
+    /// Each with the buffer it writes.
+    pub(crate) operations: Vec<(Buffer, Operation)>,
+    pub(crate) inputs: Vec<Port>,
+    pub(crate) outputs: Vec<Port>,
+    arch: Arch,
+}
+
+impl Default for Program {
+    fn default() -> Self {
+        Self {
+            buffers: Vec::new(),
+            operations: Vec::new(),
+            inputs: Vec::new(),
+            outputs: Vec::new(),
+            arch: Arch::new(),
+        }
+    }
+}
+
+impl Program {
+    /// Inputs, in the order of the file.
+    pub fn inputs(&self) -> &[Port] {
+        &self.inputs
+    }
+
+    /// Outputs, in the order of the file.
+    pub fn outputs(&self) -> &[Port] {
+        &self.outputs
+    }
+
+    /// Number of operations.
+    pub fn operations(&self) -> usize {
+        self.operations.len()
+    }
+
+    /// The numbers of an input, the last axis fastest; to be written before [`run`](Self::run).
+    ///
+    /// # Panics
+    ///
+    /// If there is no such input.
+    pub fn input_mut(&mut self, index: usize) -> &mut [f32] {
+        &mut self.buffers[self.inputs[index].buffer]
+    }
+
+    /// The numbers of an output of the last run, the last axis fastest.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such output.
+    pub fn output(&self, index: usize) -> &[f32] {
+        &self.buffers[self.outputs[index].buffer]
+    }
+
+    /// Copies an output into an input of the same length, such as a recurrent state.
+    ///
+    /// # Panics
+    ///
+    /// If one of both is missing, or the lengths differ.
+    pub fn feed_back(&mut self, output: usize, input: usize) {
+        let (from, to) = (self.outputs[output].buffer, self.inputs[input].buffer);
+        if from != to {
+            let mut target = core::mem::take(&mut self.buffers[to]);
+            target.copy_from_slice(&self.buffers[from]);
+            self.buffers[to] = target;
+        }
+    }
+
+    /// Computes the outputs from the inputs. Does not allocate.
+    pub fn run(&mut self) {
+        let Self { buffers, operations, arch, .. } = self;
+        for (target, operation) in operations {
+            let mut output = core::mem::take(&mut buffers[*target]);
+            operation.run(*arch, buffers, &mut output);
+            buffers[*target] = output;
+        }
+    }
+
+    /// Adds a buffer of `length` zeros.
+    pub(crate) fn buffer(&mut self, length: usize) -> Buffer {
+        self.buffers.push(vec![0.0; length]);
+        self.buffers.len() - 1
+    }
+
+    /// Adds an operation with an output of `length` numbers.
+    pub(crate) fn push(&mut self, operation: Operation, length: usize) -> Buffer {
+        let buffer = self.buffer(length);
+        self.operations.push((buffer, operation));
+        buffer
+    }
+}
+
+impl Operation {
+    fn run(&mut self, arch: Arch, buffers: &mut [Vec<f32>], output: &mut [f32]) {
+        match self {
+            Self::Copy(runs) => {
+                for Run { source, from, to, length } in runs {
+                    output[*to..*to + *length].copy_from_slice(&buffers[*source][*from..*from + *length]);
+                }
+            }
+            Self::Linear(input, packed) => packed.apply(&buffers[*input], output),
+            Self::Product([a, b], product) => product.run(&buffers[*a], &buffers[*b], output),
+            Self::Unary(input, unary) => unary.apply(arch, &buffers[*input], output),
+            Self::Binary([a, b], binary, operands) => {
+                binary.apply(arch, (&buffers[*a], &operands[0]), (&buffers[*b], &operands[1]), output);
+            }
+            Self::Convolution(input, convolution) => convolution.apply(&buffers[*input], output),
+            Self::Reduce(input, reduction, parts) => reduction.apply(parts, &buffers[*input], output),
+            Self::Softmax(input, along) => {
+                arch.dispatch(Softmax { along: *along, input: &buffers[*input], output });
+            }
+            Self::LayerNorm(input, norm) => norm.apply(arch, &buffers[*input], output),
+            Self::Affine(input, affine) => affine.apply(&buffers[*input], output),
+            Self::Recurrent(input, recurrent) => recurrent.run(arch, *input, buffers, output),
+        }
+    }
+}
+
+impl Product {
+    fn run(&self, a: &[f32], b: &[f32], output: &mut [f32]) {
+        let [rows, inner, columns] = self.sizes;
+        for ([from_a, from_b], output) in self.offsets.iter().zip(output.chunks_exact_mut(rows * columns)) {
+            let (a, b) = (&a[*from_a..from_a + rows * inner], &b[*from_b..from_b + inner * columns]);
+            output.fill(0.0);
+            for (row, output) in output.chunks_exact_mut(columns).enumerate() {
+                for k in 0..inner {
+                    let factor = a[row * inner + k];
+                    for (output, b) in output.iter_mut().zip(&b[k * columns..]) {
+                        *output += factor * b;
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Recurrent {
+    fn run(&mut self, arch: Arch, input: Buffer, buffers: &mut [Vec<f32>], output: &mut [f32]) {
+        let Self { directions, sequence, initial, last } = self;
+        let (state, count) = (sequence.batch * sequence.hidden, directions.len());
+        for (index, direction) in directions.iter_mut().enumerate() {
+            let range = index * state..(index + 1) * state;
+            let initial = initial.map(|buffer| buffer.map(|buffer| &buffers[buffer][range.clone()]));
+            direction.run((arch, *sequence), &buffers[input], (initial[0], initial[1]), |step, values| {
+                let first = (step * count + index) * state;
+                output[first..first + state].copy_from_slice(values);
+            });
+            buffers[last[0]][range.clone()].copy_from_slice(direction.hidden());
+            buffers[last[1]][range].copy_from_slice(direction.cell());
+        }
+    }
+}

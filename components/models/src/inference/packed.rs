@@ -1,0 +1,253 @@
+//! A matrix packed for products with rows of inputs.
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// Outputs of the widest panel.
+const WIDEST: usize = 64;
+/// Outputs of the narrowest panel: lanes of the widest vectors.
+const NARROWEST: usize = 16;
+/// Numbers in a cache line.
+const LINE: usize = 16;
+
+/// Weights and bias of a linear map, in panels of outputs, each panel with its inputs in order.
+///
+/// Every output is its bias plus the products in the order of the inputs, each rounded once (fused multiply-add). The
+/// lanes of a vector hold different outputs, so the bits depend neither on the number of rows nor on the processor.
+#[derive(Debug)]
+pub struct Packed {
+    inputs: usize,
+    outputs: usize,
+    /// Bias of a panel, then one row an input.
+    numbers: Vec<f32>,
+    /// First number on a cache line.
+    start: usize,
+    arch: Arch,
+}
+
+impl Clone for Packed {
+    fn clone(&self) -> Self {
+        let (numbers, start) = aligned(&self.numbers[self.start..]);
+        Self { numbers, start, ..*self }
+    }
+}
+
+/// Copies numbers to the start of a cache line.
+fn aligned(numbers: &[f32]) -> (Vec<f32>, usize) {
+    let mut copy = vec![0.0; numbers.len() + LINE];
+    let start = copy.as_ptr().align_offset(4 * LINE).min(LINE);
+    copy[start..start + numbers.len()].copy_from_slice(numbers);
+    copy.truncate(start + numbers.len());
+    (copy, start)
+}
+
+/// Widths of the panels that cover `outputs`.
+fn widths(outputs: usize) -> impl Iterator<Item = usize> {
+    let mut rest = outputs;
+    core::iter::from_fn(move || {
+        let width = match rest {
+            0 => return None,
+            WIDEST.. => WIDEST,
+            32.. => 32,
+            _ => NARROWEST,
+        };
+        rest = rest.saturating_sub(width);
+        Some(width)
+    })
+}
+
+impl Packed {
+    /// Packs the map from `inputs` to `outputs` numbers with the weight `weight(output, input)` and the bias
+    /// `bias(output)`.
+    pub fn new(
+        (outputs, inputs): (usize, usize),
+        weight: impl Fn(usize, usize) -> f32,
+        bias: impl Fn(usize) -> f32,
+    ) -> Self {
+        let (mut numbers, mut first) = (Vec::new(), 0);
+        for width in widths(outputs) {
+            let columns = first..first + width;
+            let padded = |column: usize, value: &dyn Fn(usize) -> f32| {
+                if column < outputs { value(column) } else { 0.0 }
+            };
+            numbers.extend(columns.clone().map(|column| padded(column, &bias)));
+            for input in 0..inputs {
+                numbers.extend(columns.clone().map(|column| padded(column, &|output| weight(output, input))));
+            }
+            first += width;
+        }
+        let (numbers, start) = aligned(&numbers);
+        Self { inputs, outputs, numbers, start, arch: Arch::new() }
+    }
+
+    /// Number of inputs.
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    /// Number of outputs.
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    /// Multiplies each row of `input` (rows of [`inputs`](Self::inputs) numbers) into a row of `output`. The shorter
+    /// of both determines the number of rows.
+    pub fn apply(&self, input: &[f32], output: &mut [f32]) {
+        if self.outputs == 0 {
+            return;
+        }
+        let rows = output.len() / self.outputs;
+        if self.inputs == 0 {
+            let mut first = 0;
+            let mut panels = &self.numbers[self.start..];
+            for width in widths(self.outputs) {
+                let (bias, rest) = panels.split_at(width);
+                let count = width.min(self.outputs - first);
+                for row in output.chunks_exact_mut(self.outputs) {
+                    row[first..first + count].copy_from_slice(&bias[..count]);
+                }
+                (panels, first) = (rest, first + width);
+            }
+            return;
+        }
+        let rows = rows.min(input.len() / self.inputs);
+        let (input, output) = (&input[..rows * self.inputs], &mut output[..rows * self.outputs]);
+        self.arch.dispatch(Multiply { packed: self, input, output });
+    }
+}
+
+struct Multiply<'a> {
+    packed: &'a Packed,
+    input: &'a [f32],
+    output: &'a mut [f32],
+}
+
+impl WithSimd for Multiply<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Packed { inputs, outputs, ref numbers, start, .. } = *self.packed;
+        // Panels outside, rows inside: a panel stays in the nearest cache for all rows.
+        let (mut panels, mut first) = (&numbers[start..], 0);
+        for width in widths(outputs) {
+            let (panel, rest) = panels.split_at((inputs + 1) * width);
+            let columns = first..(first + width).min(outputs);
+            let mut inputs_left = self.input.chunks_exact(4 * inputs);
+            let mut outputs_left = self.output.chunks_exact_mut(4 * outputs);
+            for (input, output) in inputs_left.by_ref().zip(outputs_left.by_ref()) {
+                let (a, b) = input.split_at(2 * inputs);
+                let (rows, more) = (a.split_at(inputs), b.split_at(inputs));
+                let mut sums = [[0.0; WIDEST]; 4];
+                panel_rows::<S, 4>(simd, panel, width, [rows.0, rows.1, more.0, more.1], &mut sums);
+                for (output, sums) in output.chunks_exact_mut(outputs).zip(&sums) {
+                    output[columns.clone()].copy_from_slice(&sums[..columns.len()]);
+                }
+            }
+            let rows = inputs_left.remainder().chunks_exact(inputs);
+            for (input, output) in rows.zip(outputs_left.into_remainder().chunks_exact_mut(outputs)) {
+                let mut sums = [[0.0; WIDEST]; 1];
+                panel_rows::<S, 1>(simd, panel, width, [input], &mut sums);
+                output[columns.clone()].copy_from_slice(&sums[0][..columns.len()]);
+            }
+            (panels, first) = (rest, first + width);
+        }
+    }
+}
+
+/// The outputs of one panel for some rows, as many vectors of outputs at once as registers allow.
+#[inline(always)]
+fn panel_rows<S: Simd, const ROWS: usize>(
+    simd: S,
+    panel: &[f32],
+    width: usize,
+    rows: [&[f32]; ROWS],
+    sums: &mut [[f32; WIDEST]; ROWS],
+) {
+    let (panel, stride) = (S::as_simd_f32s(panel).0, width / S::F32_LANES);
+    let mut first = 0;
+    while first < stride {
+        let left = stride - first;
+        first += match ROWS {
+            1 if left >= 8 => vectors::<S, ROWS, 8>(simd, panel, (stride, first), rows, sums),
+            _ if left >= 4 && ROWS * 4 <= S::REGISTER_COUNT / 2 => {
+                vectors::<S, ROWS, 4>(simd, panel, (stride, first), rows, sums)
+            }
+            _ if left >= 2 => vectors::<S, ROWS, 2>(simd, panel, (stride, first), rows, sums),
+            _ => vectors::<S, ROWS, 1>(simd, panel, (stride, first), rows, sums),
+        };
+    }
+}
+
+/// The outputs in `COUNT` vectors of a panel; returns `COUNT`.
+#[inline(always)]
+fn vectors<S: Simd, const ROWS: usize, const COUNT: usize>(
+    simd: S,
+    panel: &[S::f32s],
+    (stride, first): (usize, usize),
+    rows: [&[f32]; ROWS],
+    sums: &mut [[f32; WIDEST]; ROWS],
+) -> usize {
+    let (bias, weights) = panel.split_at(stride);
+    let bias: [S::f32s; COUNT] = core::array::from_fn(|k| bias[first + k]);
+    let mut totals = [bias; ROWS];
+    for (input, weights) in weights.chunks_exact(stride).enumerate() {
+        let weights = &weights[first..first + COUNT];
+        for row in 0..ROWS {
+            let x = simd.splat_f32s(rows[row][input]);
+            for k in 0..COUNT {
+                totals[row][k] = simd.mul_add_f32s(weights[k], x, totals[row][k]);
+            }
+        }
+    }
+    for (sums, totals) in sums.iter_mut().zip(totals) {
+        S::as_mut_simd_f32s(sums).0[first..first + COUNT].copy_from_slice(&totals);
+    }
+    COUNT
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Packed;
+
+    fn number(seed: usize) -> f32 {
+        let bits = (seed as u32).wrapping_mul(2_654_435_761).rotate_left(13).wrapping_mul(747_796_405);
+        (bits >> 8) as f32 / (1 << 23) as f32 - 1.0
+    }
+
+    #[test]
+    fn outputs_are_ordered_sums_of_fused_products() {
+        for (inputs, outputs) in [(1, 1), (3, 15), (48, 12), (5, 16), (9, 33), (17, 64), (7, 127), (0, 20)] {
+            let weight = |o: usize, i: usize| number(1000 * o + i);
+            let bias = |o: usize| number(77 + o);
+            let packed = Packed::new((outputs, inputs), weight, bias);
+            for rows in [1, 2, 4, 5, 11] {
+                let input: Vec<f32> = (0..rows * inputs).map(|k| number(31 * k + 5)).collect();
+                let mut output = vec![0.0; rows * outputs];
+                packed.clone().apply(&input, &mut output);
+                for (k, found) in output.iter().enumerate() {
+                    let (row, o) = (k / outputs, k % outputs);
+                    let sum = (0..inputs)
+                        .fold(bias(o), |sum, i| weight(o, i).mul_add(input[row * inputs + i], sum));
+                    assert_eq!(found.to_bits(), sum.to_bits(), "{inputs} {outputs} {row} {o}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_row_in_a_batch_keeps_its_bits() {
+        let packed = Packed::new((70, 48), |o, i| number(64 * o + i), number);
+        let mut alone = vec![0.0; 70];
+        packed.apply(&(0..48).map(number).collect::<Vec<_>>(), &mut alone);
+        for rows in [1, 7, 63, 64, 65, 4096] {
+            for row in [0, rows / 2, rows - 1] {
+                let mut input: Vec<f32> = (0..48 * rows).map(|k| number(k + 9)).collect();
+                input[48 * row..48 * (row + 1)].copy_from_slice(&(0..48).map(number).collect::<Vec<_>>());
+                let mut output = vec![0.0; 70 * rows];
+                packed.apply(&input, &mut output);
+                let found = &output[70 * row..70 * (row + 1)];
+                assert!(found.iter().zip(&alone).all(|(a, b)| a.to_bits() == b.to_bits()));
+            }
+        }
+    }
+}

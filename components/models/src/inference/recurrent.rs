@@ -1,0 +1,246 @@
+//! Gated recurrent units and long short-term memories over sequences.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::Packed;
+use crate::arithmetic::Real;
+
+/// Sizes of a recurrent layer's run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sequence {
+    /// Steps of the sequence.
+    pub steps: usize,
+    /// Sequences at once.
+    pub batch: usize,
+    /// Units.
+    pub hidden: usize,
+}
+
+/// The maps of a recurrent layer in one direction.
+#[derive(Clone, Debug)]
+pub enum Gates {
+    /// Update, reset and candidate; the reset gate scales the recurrent product (as in PyTorch).
+    Gru {
+        /// From inputs to the three gates.
+        input: Packed,
+        /// From the state to the three gates.
+        state: Packed,
+    },
+    /// Update, reset and candidate; the reset gate scales the state.
+    GruResetFirst {
+        /// From inputs to the three gates.
+        input: Packed,
+        /// From the state to update and reset.
+        state: Packed,
+        /// From the scaled state to the candidate.
+        candidate: Packed,
+    },
+    /// Input, output, forget and cell.
+    Lstm {
+        /// From inputs to the four gates.
+        input: Packed,
+        /// From the state to the four gates.
+        state: Packed,
+    },
+}
+
+/// One direction of a recurrent layer, with the numbers it works in.
+#[derive(Clone, Debug)]
+pub struct Direction {
+    gates: Gates,
+    /// From the last step to the first.
+    reversed: bool,
+    /// Gates of all steps from the inputs.
+    from_input: Vec<f32>,
+    /// Gates of one step from the state.
+    from_state: Vec<f32>,
+    /// The scaled state, and its candidate.
+    scaled: Vec<f32>,
+    hidden: Vec<f32>,
+    cell: Vec<f32>,
+}
+
+impl Direction {
+    /// A direction that runs from the first step to the last, or the other way.
+    pub fn new(gates: Gates, reversed: bool, sequence: Sequence) -> Self {
+        let (rows, state) = (sequence.steps * sequence.batch, sequence.batch * sequence.hidden);
+        let count = if matches!(gates, Gates::Lstm { .. }) { 4 } else { 3 };
+        Self {
+            gates,
+            reversed,
+            from_input: vec![0.0; count * rows * sequence.hidden],
+            from_state: vec![0.0; count * state],
+            scaled: vec![0.0; 2 * state],
+            hidden: vec![0.0; state],
+            cell: vec![0.0; state],
+        }
+    }
+
+    /// Runs over a sequence (steps, batch, inputs) from a state (batch, hidden), or from 0; calls `record` with each
+    /// step and its state.
+    pub fn run(
+        &mut self,
+        (arch, sequence): (Arch, Sequence),
+        input: &[f32],
+        initial: (Option<&[f32]>, Option<&[f32]>),
+        mut record: impl FnMut(usize, &[f32]),
+    ) {
+        for (state, initial) in [(&mut self.hidden, initial.0), (&mut self.cell, initial.1)] {
+            match initial {
+                Some(initial) => state.copy_from_slice(initial),
+                None => state.fill(0.0),
+            }
+        }
+        let (Gates::Gru { input: map, .. }
+        | Gates::GruResetFirst { input: map, .. }
+        | Gates::Lstm { input: map, .. }) = &self.gates;
+        map.apply(input, &mut self.from_input);
+        let width = self.from_state.len();
+        let hidden = sequence.hidden;
+        for k in 0..sequence.steps {
+            let step = if self.reversed { sequence.steps - 1 - k } else { k };
+            let from_input = &self.from_input[step * width..(step + 1) * width];
+            match &self.gates {
+                Gates::Gru { state, .. } => {
+                    state.apply(&self.hidden, &mut self.from_state);
+                    let (from_state, state) = (&self.from_state, &mut self.hidden);
+                    arch.dispatch(Gru { hidden, from_input, from_state, state });
+                }
+                Gates::GruResetFirst { state, candidate, .. } => {
+                    let from_state = &mut self.from_state[..2 * self.hidden.len()];
+                    state.apply(&self.hidden, from_state);
+                    let (scaled, product) = self.scaled.split_at_mut(self.hidden.len());
+                    let state = &self.hidden;
+                    arch.dispatch(Reset { hidden, from_input, from_state, state, scaled });
+                    candidate.apply(scaled, product);
+                    let state = &mut self.hidden;
+                    arch.dispatch(ResetFirst { hidden, from_input, from_state, product, state });
+                }
+                Gates::Lstm { state, .. } => {
+                    state.apply(&self.hidden, &mut self.from_state);
+                    let from_state = &self.from_state;
+                    let (state, cell) = (&mut self.hidden, &mut self.cell);
+                    arch.dispatch(Lstm { hidden, from_input, from_state, state, cell });
+                }
+            }
+            record(step, &self.hidden);
+        }
+    }
+
+    /// State (batch, hidden) behind the last step.
+    pub fn hidden(&self) -> &[f32] {
+        &self.hidden
+    }
+
+    /// Cell state (batch, hidden) behind the last step; 0 for gated recurrent units.
+    pub fn cell(&self) -> &[f32] {
+        &self.cell
+    }
+}
+
+struct Gru<'a> {
+    hidden: usize,
+    from_input: &'a [f32],
+    from_state: &'a [f32],
+    state: &'a mut [f32],
+}
+
+impl WithSimd for Gru<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let n = self.hidden;
+        let rows = self.from_input.chunks_exact(3 * n).zip(self.from_state.chunks_exact(3 * n));
+        for ((x, h), state) in rows.zip(self.state.chunks_exact_mut(n)) {
+            let ((xz, x), (hz, h)) = (x.split_at(n), h.split_at(n));
+            let ((xr, xc), (hr, hc)) = (x.split_at(n), h.split_at(n));
+            for k in 0..n {
+                let update = Real::sigmoid(xz[k] + hz[k]);
+                let reset = Real::sigmoid(xr[k] + hr[k]);
+                let candidate = Real::tanh(xc[k] + reset * hc[k]);
+                state[k] = (1.0 - update) * candidate + update * state[k];
+            }
+        }
+    }
+}
+
+struct Reset<'a> {
+    hidden: usize,
+    from_input: &'a [f32],
+    from_state: &'a [f32],
+    state: &'a [f32],
+    scaled: &'a mut [f32],
+}
+
+impl WithSimd for Reset<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let n = self.hidden;
+        let rows = self.from_input.chunks_exact(3 * n).zip(self.from_state.chunks_exact(2 * n));
+        let states = self.state.chunks_exact(n).zip(self.scaled.chunks_exact_mut(n));
+        for ((x, h), (state, scaled)) in rows.zip(states) {
+            let (xr, hr) = (&x[n..2 * n], &h[n..]);
+            for k in 0..n {
+                scaled[k] = Real::sigmoid(xr[k] + hr[k]) * state[k];
+            }
+        }
+    }
+}
+
+struct ResetFirst<'a> {
+    hidden: usize,
+    from_input: &'a [f32],
+    from_state: &'a [f32],
+    product: &'a [f32],
+    state: &'a mut [f32],
+}
+
+impl WithSimd for ResetFirst<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let n = self.hidden;
+        let rows = self.from_input.chunks_exact(3 * n).zip(self.from_state.chunks_exact(2 * n));
+        let states = self.state.chunks_exact_mut(n).zip(self.product.chunks_exact(n));
+        for ((x, h), (state, product)) in rows.zip(states) {
+            let (xz, xc, hz) = (&x[..n], &x[2 * n..], &h[..n]);
+            for k in 0..n {
+                let update = Real::sigmoid(xz[k] + hz[k]);
+                let candidate = Real::tanh(xc[k] + product[k]);
+                state[k] = (1.0 - update) * candidate + update * state[k];
+            }
+        }
+    }
+}
+
+struct Lstm<'a> {
+    hidden: usize,
+    from_input: &'a [f32],
+    from_state: &'a [f32],
+    state: &'a mut [f32],
+    cell: &'a mut [f32],
+}
+
+impl WithSimd for Lstm<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let n = self.hidden;
+        let rows = self.from_input.chunks_exact(4 * n).zip(self.from_state.chunks_exact(4 * n));
+        let states = self.state.chunks_exact_mut(n).zip(self.cell.chunks_exact_mut(n));
+        for ((x, h), (state, cell)) in rows.zip(states) {
+            for k in 0..n {
+                let gate = |index: usize| x[index * n + k] + h[index * n + k];
+                let (input, output) = (Real::sigmoid(gate(0)), Real::sigmoid(gate(1)));
+                let (forget, candidate) = (Real::sigmoid(gate(2)), Real::tanh(gate(3)));
+                cell[k] = forget * cell[k] + input * candidate;
+                state[k] = output * Real::tanh(cell[k]);
+            }
+        }
+    }
+}

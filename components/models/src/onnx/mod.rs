@@ -1,0 +1,164 @@
+//! Networks in the ONNX format.
+//!
+//! A file is read into a [`Model`], which [compiles](Model::program) into a [`Program`](crate::inference::Program) for
+//! given input shapes: shapes are folded, weights packed, and all buffers allocated.
+//!
+//! Operators: Add, BatchNormalization, Cast, Clip, Concat, Constant, Conv, Div, Elu, Expand, Flatten, GRU, Gather, Gemm,
+//! GlobalAveragePool, Identity, LSTM, LayerNormalization, LeakyRelu, MatMul, MaxPool, Mul, Pow, ReduceMean, Relu, Reshape,
+//! Shape, Sigmoid, Slice, Softmax, Softplus, Softsign, Split, Sqrt, Squeeze, Sub, Tanh, Transpose, Unsqueeze. Anything else
+//! is an error that names the node. Source: the ONNX operator specification, operator sets 7 to 23.
+
+mod compile;
+mod elementwise;
+mod matrix;
+mod movement;
+mod node;
+mod normal;
+mod proto;
+mod recurrent;
+mod spatial;
+mod tensor;
+mod write;
+
+use prost::Message as _;
+
+use crate::inference::Program;
+use proto::ModelProto;
+pub use write::{GruLayer, write_gru, write_mlp};
+
+/// A network that cannot be read or compiled.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OnnxError {
+    /// The bytes are not a protocol buffer.
+    #[error("not an ONNX file: {0}")]
+    Format(String),
+    /// No graph.
+    #[error("the file has no graph; is it an ONNX model?")]
+    Empty,
+    /// A damaged or unsupported constant.
+    #[error("tensor \"{name}\": {message}")]
+    Tensor {
+        /// Name of the tensor.
+        name: String,
+        /// The defect, and what was expected.
+        message: String,
+    },
+    /// An operator outside the list.
+    #[error(
+        "node {node}: operator {operator} is not supported; help: the supported operators are listed in the docs of `motorium_models::onnx`"
+    )]
+    Operator {
+        /// Name or index of the node.
+        node: String,
+        /// The operator, with its domain.
+        operator: String,
+    },
+    /// A node that does not fit its inputs.
+    #[error("node {node} ({operator}): {message}")]
+    Node {
+        /// Name or index of the node.
+        node: String,
+        /// The operator.
+        operator: String,
+        /// The defect, and what was expected.
+        message: String,
+    },
+    /// An input with a shape that does not fit.
+    #[error("input \"{name}\": {message}")]
+    Input {
+        /// Name of the input.
+        name: String,
+        /// The defect, and what was expected.
+        message: String,
+    },
+    /// An output that no node computes.
+    #[error("output \"{0}\" is not computed by any node")]
+    Output(String),
+}
+
+/// Length of an axis of an input.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Length {
+    /// Fixed in the file.
+    Fixed(usize),
+    /// Chosen when the network is compiled, such as the number of rows; the name may be empty.
+    Free(String),
+}
+
+/// An input of a model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Input {
+    /// Name of the tensor.
+    pub name: String,
+    /// Length along each axis.
+    pub shape: Vec<Length>,
+}
+
+/// A network as it is in a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model {
+    proto: ModelProto,
+}
+
+impl Model {
+    /// Reads a file.
+    ///
+    /// # Errors
+    ///
+    /// [`OnnxError`] if the bytes are not a model with a graph.
+    pub fn read(bytes: &[u8]) -> Result<Self, OnnxError> {
+        let proto = ModelProto::decode(bytes).map_err(|error| OnnxError::Format(error.to_string()))?;
+        if proto.graph.is_none() { Err(OnnxError::Empty) } else { Ok(Self { proto }) }
+    }
+
+    /// Entries of `metadata_props`, such as the joint names that exporters leave there.
+    pub fn metadata(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.proto.metadata_props.iter().map(|entry| (&entry.key[..], &entry.value[..]))
+    }
+
+    /// Inputs that the caller provides: those without a constant of the same name.
+    pub fn inputs(&self) -> Vec<Input> {
+        let graph = self.proto.graph.iter();
+        let provided = graph.flat_map(|graph| {
+            graph
+                .input
+                .iter()
+                .filter(|input| graph.initializer.iter().all(|tensor| tensor.name != input.name))
+        });
+        let shape = |input: &proto::ValueInfo| {
+            let tensor = input.kind.as_ref().and_then(|kind| kind.tensor.as_ref());
+            let dims = tensor.and_then(|tensor| tensor.shape.as_ref()).map_or(&[][..], |shape| &shape.dim);
+            let length =
+                |dim: &proto::Dimension| match dim.value.and_then(|value| usize::try_from(value).ok()) {
+                    Some(value) if dim.name.is_empty() => Length::Fixed(value),
+                    _ => Length::Free(dim.name.clone()),
+                };
+            dims.iter().map(length).collect()
+        };
+        provided.map(|input| Input { name: input.name.clone(), shape: shape(input) }).collect()
+    }
+
+    /// Compiles the network with every free axis of length `rows`.
+    ///
+    /// # Errors
+    ///
+    /// [`OnnxError`] that names the node which is not supported or does not fit.
+    pub fn program(&self, rows: usize) -> Result<Program, OnnxError> {
+        let length = |length: &Length| match length {
+            Length::Fixed(length) => *length,
+            Length::Free(_) => rows,
+        };
+        let shapes: Vec<Vec<usize>> =
+            self.inputs().iter().map(|input| input.shape.iter().map(length).collect()).collect();
+        self.program_with(&shapes)
+    }
+
+    /// Compiles the network for inputs of these shapes, in the order of [`inputs`](Self::inputs).
+    ///
+    /// # Errors
+    ///
+    /// [`OnnxError`] that names the input that does not fit, or the node which is not supported or does not fit.
+    pub fn program_with(&self, shapes: &[Vec<usize>]) -> Result<Program, OnnxError> {
+        compile::compile(&self.proto, &self.inputs(), shapes)
+    }
+}

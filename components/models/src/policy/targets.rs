@@ -1,0 +1,37 @@
+//! From the outputs of a policy to the joints of a robot.
+
+/// An output of the network at a joint of the robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointTarget {
+    /// Index of the joint in the robot.
+    pub joint: usize,
+    /// Factor of the action.
+    pub scale: f64,
+    /// Target of a zero action.
+    pub offset: f64,
+}
+
+/// From actions in the order of a policy to joint targets in the order of a robot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointTargets {
+    targets: Vec<JointTarget>,
+    clip: [f64; 2],
+}
+
+impl JointTargets {
+    pub(super) fn new(targets: Vec<JointTarget>, clip: [f64; 2]) -> Self {
+        Self { targets, clip }
+    }
+
+    /// The joint of each output, in the order of the policy.
+    pub fn targets(&self) -> &[JointTarget] {
+        &self.targets
+    }
+
+    /// Writes the targets of an action into the joints of the robot; other joints keep their numbers.
+    pub fn apply(&self, action: &[f64], joints: &mut [f64]) {
+        for (JointTarget { joint, scale, offset }, action) in self.targets.iter().zip(action) {
+            joints[*joint] = action.clamp(self.clip[0], self.clip[1]).mul_add(*scale, *offset);
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! Tests of the models against independent references.
+
+mod onnx;

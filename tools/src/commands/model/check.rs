@@ -1,0 +1,148 @@
+//! `motorium model check`: a trained policy against a robot.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::{Context as _, bail};
+use motorium_models::onnx::{self, Length};
+use motorium_models::policy::Policy;
+use motorium_robots::{LoadOptions, load_with};
+use serde::Serialize;
+
+use crate::out::outln;
+
+/// Difference of poses that is reported [rad or m].
+const POSE_TOLERANCE: f64 = 1e-3;
+
+/// Check the folder of a policy against a robot: the widths of its network, and the joint of each action.
+///
+/// Example: motorium model check policy/ --robot quadruped
+#[derive(Debug, clap::Args)]
+pub(super) struct Check {
+    /// The folder with policy.toml, or that file
+    #[arg(value_name = "POLICY")]
+    policy: PathBuf,
+    /// The robot; default: the one that the policy names
+    #[arg(long, value_name = "ROBOT", add = crate::complete::robots())]
+    robot: Option<String>,
+    /// Require the default pose of the policy to equal this pose of the robot, within 1e-3 rad or m
+    #[arg(long, value_name = "NAME")]
+    pose: Option<String>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct Report {
+    robot: String,
+    rate_hz: f64,
+    inputs: usize,
+    terms: Vec<Term>,
+    joints: Vec<Joint>,
+}
+
+#[derive(Debug, Serialize)]
+struct Term {
+    term: String,
+    /// Message that carries it; null if the policy computes it.
+    message: Option<&'static str>,
+    first: usize,
+    width: usize,
+    history: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct Joint {
+    name: String,
+    policy_index: usize,
+    robot_index: usize,
+    scale: f64,
+    default: f64,
+}
+
+impl Check {
+    pub(super) fn run(self) -> anyhow::Result<ExitCode> {
+        let file = if self.policy.is_dir() { self.policy.join("policy.toml") } else { self.policy.clone() };
+        let place = file.display().to_string();
+        let text = std::fs::read_to_string(&file).with_context(|| place.clone())?;
+        let policy = Policy::parse(&text).with_context(|| place.clone())?;
+        check_network(&policy, &file.with_file_name(&policy.network))?;
+        let Some(name) = self.robot.clone().or_else(|| policy.robot.clone()) else {
+            bail!("{place}: no `robot`, expected the robot of the policy; help: name it with `--robot`");
+        };
+        let robot = load_with(&name, Path::new(""), &LoadOptions::default())?;
+        let names = robot.model.joint_names();
+        let targets = policy.joint_targets(names).with_context(|| place.clone())?;
+        if let Some(pose) = &self.pose {
+            let pose = crate::robots::pose(&robot, pose)?;
+            for (target, default) in targets.targets().iter().zip(&policy.action.default_pose) {
+                let (joint, expected) = (&names[target.joint], pose[target.joint]);
+                if (expected - default).abs() > POSE_TOLERANCE {
+                    bail!(
+                        "{place}: `action.default_pose` of \"{joint}\" is {default}, expected {expected} as in the robot's pose"
+                    );
+                }
+            }
+        }
+        let mut first = 0;
+        let mut terms = Vec::new();
+        for observation in &policy.observations {
+            let (width, history) = (policy.width(observation), observation.history);
+            let term = observation.term.name().to_owned();
+            terms.push(Term { term, message: observation.term.message(), first, width, history });
+            first += width * history;
+        }
+        let joint = |(policy_index, target): (usize, &motorium_models::policy::JointTarget)| Joint {
+            name: names[target.joint].clone(),
+            policy_index,
+            robot_index: target.joint,
+            scale: target.scale,
+            default: policy.action.default_pose[policy_index],
+        };
+        let joints = targets.targets().iter().enumerate().map(joint).collect();
+        let report = Report { robot: name, rate_hz: policy.rate, inputs: first, terms, joints };
+        if self.json {
+            outln!("{}", serde_json::to_string(&report)?);
+        } else {
+            print(&report);
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+fn print(report: &Report) {
+    outln!("{} inputs at {} Hz, robot {}", report.inputs, report.rate_hz, report.robot);
+    for Term { term, message, first, width, history } in &report.terms {
+        let message = message.unwrap_or("computed by the policy");
+        outln!("  input {first}: {term}, {width} numbers x {history} steps ({message})");
+    }
+    for Joint { name, policy_index, robot_index, scale, default } in &report.joints {
+        outln!("  action {policy_index} -> joint {robot_index} {name}: {default} + {scale} x action");
+    }
+}
+
+/// Compares the widths of a policy with its network.
+fn check_network(policy: &Policy, path: &Path) -> anyhow::Result<()> {
+    let place = path.display().to_string();
+    let bytes = std::fs::read(path).with_context(|| place.clone())?;
+    let model = onnx::Model::read(&bytes).with_context(|| place.clone())?;
+    let program = model.program(1).with_context(|| place.clone())?;
+    let inputs = policy.inputs()?;
+    let found = model.inputs().first().and_then(|input| input.shape.last().cloned());
+    if found != Some(Length::Fixed(inputs)) {
+        let found = program
+            .inputs()
+            .first()
+            .map_or_else(|| "no input".to_owned(), |input| format!("{:?}", input.shape));
+        bail!("{place}: the first input is {found}, expected {inputs} numbers in a row as in `observations`");
+    }
+    let joints = policy.action.joints.len();
+    let output = program.outputs().first().map(|output| output.shape.clone()).unwrap_or_default();
+    if output.last() != Some(&joints) {
+        bail!(
+            "{place}: the first output is {output:?}, expected {joints} numbers in a row as in `action.joints`"
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,87 @@
+//! `motorium model` on small networks.
+
+use motorium_models::inference::Unary;
+use motorium_models::onnx;
+
+use crate::program::{json, run};
+
+#[test]
+fn a_network_gives_its_outputs_for_inputs_in_json() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str, content: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, content).expect("the folder takes files");
+        path.to_str().expect("a plain path").to_owned()
+    };
+    let layers = [(vec![1.0, 0.0, 0.0, -1.0], vec![0.0, 0.5]), (vec![1.0, 2.0], vec![0.25])];
+    let network = file("policy.onnx", &onnx::write_mlp(2, &layers, Unary::Relu, &[]));
+    let report = |inputs: &str| {
+        let inputs = file("in.json", inputs.as_bytes());
+        json(&["model", "eval", &network, "--inputs", &inputs, "--json"])
+    };
+    assert_eq!(report(r#"{"obs": [[3.0, 0.25]]}"#)["outputs"], serde_json::json!([[3.75]]));
+    assert_eq!(report(r#"{"obs": [3.0, 0.25]}"#)["outputs"], serde_json::json!([[3.75]]));
+    let both = report(r#"{"inputs": [[[3.0, 0.25], [0.0, 0.0]]]}"#);
+    assert_eq!(both["outputs"], serde_json::json!([[3.75, 1.25]]));
+    assert_eq!((&both["names"][0], &both["shapes"][0]), (&"actions".into(), &serde_json::json!([2, 1])));
+    for (inputs, message) in [
+        (r#"{"obs": [[1.0]]}"#, "input \"obs\": shape [1, 1], expected [rows, 2]"),
+        (r#"{"observation": [[1.0, 2.0]]}"#, "input \"observation\" is unknown, expected obs"),
+        (r#"{"obs": [[1.0, 2.0], [3.0]]}"#, "a list of 1 numbers beside lists of 2"),
+        (r#"{"obs": [[1.0, "x"]]}"#, "found `\"x\"`"),
+    ] {
+        let inputs = file("in.json", inputs.as_bytes());
+        let output = run(&["model", "eval", &network, "--inputs", &inputs]);
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(1) && errors.contains(message), "{errors}");
+    }
+}
+
+#[test]
+fn a_policy_is_checked_against_a_robot() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().to_str().expect("a plain path");
+    let write = |name: &str, content: &[u8]| {
+        std::fs::write(folder.path().join(name), content).expect("the folder takes files");
+    };
+    let text = r#"
+network = "policy.onnx"
+rate = 50.0
+robot = "ur5e"
+observations = [{ term = "joint_positions", history = 2 }, { term = "command" }]
+[action]
+joints = ["elbow_joint", "shoulder_pan_joint"]
+scale = [0.25, 0.5]
+default_pose = [1.0, 0.0]
+"#;
+    write("policy.toml", text.as_bytes());
+    let network = |inputs: usize| {
+        let layers = [(vec![0.1; 2 * inputs], vec![0.0, 0.5])];
+        write("policy.onnx", &onnx::write_mlp(inputs, &layers, Unary::Tanh, &[]));
+    };
+    network(7);
+    let report = json(&["model", "check", path, "--json"]);
+    assert_eq!(report["inputs"], 7);
+    assert_eq!(report["terms"][1]["first"], 4);
+    assert_eq!(report["terms"][1]["message"], "motorium.TwistTarget");
+    assert_eq!(report["joints"][0]["name"], "elbow_joint");
+    assert_eq!(
+        (&report["joints"][0]["robot_index"], &report["joints"][1]["robot_index"]),
+        (&2.into(), &0.into())
+    );
+    let error = |arguments: &[&str]| {
+        let mut all = vec!["model", "check", path];
+        all.extend(arguments);
+        let output = run(&all);
+        assert_eq!(output.status.code(), Some(1));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let found = error(&["--robot", "panda"]);
+    assert!(found.contains("the robot has no joint \"elbow_joint\", \"shoulder_pan_joint\""), "{found}");
+    network(8);
+    let found = error(&[]);
+    assert!(found.contains("the first input is [1, 8], expected 7 numbers in a row"), "{found}");
+    write("policy.toml", text.replace("rate", "rates").as_bytes());
+    let found = error(&[]);
+    assert!(found.contains("line 3, column 1: unknown field `rates`"), "{found}");
+}
