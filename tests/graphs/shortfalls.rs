@@ -27,7 +27,7 @@ fn a_killed_or_hung_recorder_is_reported() {
     let scratch = tempfile::tempdir().expect("a folder");
     for (name, end) in [("a.mcap", Signal::KILL), ("b.mcap", Signal::STOP)] {
         let file = scratch.path().join(name);
-        let run = Run::start(&panda_reach(), &["--for", "4 s", "--record", text(&file)]);
+        let run = Run::start(&panda_reach(), &["--for", "8 s", "--record", text(&file)]);
         signal(run.pid_of("recorder"), end);
         is_short_of(&run.finish(), &["`recorder` ended before the run"]);
     }
