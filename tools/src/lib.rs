@@ -7,6 +7,7 @@ mod draw;
 mod exit;
 mod failure;
 mod gate;
+mod input;
 mod metrics;
 mod out;
 mod overheads;

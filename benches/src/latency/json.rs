@@ -83,7 +83,12 @@ impl Written {
     /// It is not there, or it is something else.
     pub fn read(path: &Path) -> Result<Self, ReadError> {
         let file = || path.display().to_string();
-        let text = std::fs::read(path).map_err(|error| ReadError::File { file: file(), error })?;
+        let refused = |error| ReadError::File { file: file(), error };
+        // A pipe or a device may have no end.
+        if !std::fs::metadata(path).map_err(refused)?.is_file() {
+            return Err(refused(std::io::Error::other("it is not a regular file")));
+        }
+        let text = std::fs::read(path).map_err(refused)?;
         let content = |error| ReadError::Content { file: file(), error };
         // The version first: of a file of another version other fields may be missing.
         let any: serde_json::Value = serde_json::from_slice(&text).map_err(content)?;

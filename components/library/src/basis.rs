@@ -24,7 +24,11 @@ impl Basis {
         let layout = library.layout();
         let blocks = (0..layout.dofs()).map(|dof| {
             let part = super::Part { name: layout.names()[dof].clone(), dofs: vec![dof] };
-            let alone = library.split(&part);
+            let Ok(alone) = library.split(&part) else {
+                // A DoF at rest has no eigenforces: a constant force represents it.
+                let steps = library.spring().forces();
+                return DMatrix::from_element(steps, 1, (steps as f64).sqrt().recip());
+            };
             alone.parts().basis.columns(0, (n / layout.dofs()).clamp(1, alone.rank())).into_owned()
         });
         Self::orthonormal(block_diagonal(&blocks.collect::<Vec<_>>()))

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::algebra::{LeftSingular, left_singular};
-use crate::{Entry, Frame, Layout, LayoutError, LibraryParts, Metric, MotionLibrary, Truncation};
+use crate::{BuildError, Entry, Frame, Layout, LayoutError, LibraryParts, Metric, MotionLibrary, Truncation};
 
 /// Libraries that cannot be merged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -29,6 +29,9 @@ pub enum MergeError {
     /// Parts that share a name.
     #[error(transparent)]
     Layout(#[from] LayoutError),
+    /// Libraries whose movements have no common library, such as those at rest.
+    #[error(transparent)]
+    Build(#[from] BuildError),
     /// Other DoFs.
     #[error("library {index} has the degrees of freedom {found}, the first {expected}")]
     Dofs {
@@ -71,7 +74,7 @@ pub fn merge_parts(
     let weights = inner.vectors.transpose() * &stacked;
     let entries = (0..first.entries().len()).map(|k| joined(libraries, k)).collect();
     let found = LeftSingular { vectors: basis * &inner.vectors, ..inner };
-    Ok(assemble(first, layout, found, weights, entries))
+    assemble(first, layout, found, weights, entries)
 }
 
 /// A library of a body whose parts move independently of each other.
@@ -88,7 +91,7 @@ pub fn merge_independent(
     let first = same_kind(libraries)?;
     let (layout, basis) = (joined_layout(libraries)?, joined_basis(libraries));
     let (found, weights, entries) = independent(libraries, &basis, truncation);
-    Ok(assemble(first, layout, found, weights, entries))
+    assemble(first, layout, found, weights, entries)
 }
 
 fn joined_layout(libraries: &[&MotionLibrary]) -> Result<Layout, LayoutError> {
@@ -146,7 +149,7 @@ pub fn merge_movements(
         column += turned.ncols();
         entries.extend_from_slice(library.entries());
     }
-    Ok(assemble(first, first.layout().clone(), found, weights, entries))
+    assemble(first, first.layout().clone(), found, weights, entries)
 }
 
 fn same_kind<'a>(libraries: &[&'a MotionLibrary]) -> Result<&'a MotionLibrary, MergeError> {
@@ -169,8 +172,11 @@ fn assemble(
     found: LeftSingular,
     weights: DMatrix<f64>,
     entries: Vec<Entry>,
-) -> MotionLibrary {
-    MotionLibrary::from_parts(LibraryParts {
+) -> Result<MotionLibrary, MergeError> {
+    if found.values.is_empty() {
+        return Err(BuildError::Resting { names: layout.names().join(", ") }.into());
+    }
+    let merged = MotionLibrary::from_parts(LibraryParts {
         layout,
         spring: *first.spring(),
         metric: first.metric(),
@@ -180,8 +186,8 @@ fn assemble(
         energy: found.energy,
         weights,
         entries,
-    })
-    .expect("merged parts fit each other")
+    })?;
+    Ok(merged)
 }
 
 /// The block-diagonal basis, sorted by singular values; every movement moves one part, the others rest.

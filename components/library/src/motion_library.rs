@@ -113,6 +113,14 @@ pub enum BuildError {
     /// Recordings that do not move.
     #[error("all forces are zero: nothing moves in these recordings")]
     Still,
+    /// Degrees of freedom that do not move in any recording.
+    #[error(
+        "{names}: at rest in all recordings, so that there are no eigenforces; expected a part that moves"
+    )]
+    Resting {
+        /// Their names.
+        names: String,
+    },
     /// Parts of a library that do not fit each other.
     #[error("{what} is {found}, expected {expected}")]
     Shape {

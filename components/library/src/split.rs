@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use crate::algebra::{Wanted, left_singular};
-use crate::{Entry, Frame, LibraryParts, MotionLibrary, Part};
+use crate::{BuildError, Entry, Frame, LibraryParts, MotionLibrary, Part};
 
 impl MotionLibrary {
     /// The library of some DoFs alone, without the recordings.
@@ -11,14 +11,21 @@ impl MotionLibrary {
     /// With `P` the rows of the part, `P F = P U S V^T`: the left singular vectors of `P U S` are those of the part's data,
     /// and `V` drops out. If this library was truncated, so is its part: of what was left out nothing is known.
     ///
+    /// # Errors
+    /// The part rests in all recordings, so that it has no eigenforces.
+    ///
     /// # Panics
     /// When the part names a DoF the library does not have; [`Layout::part`](super::Layout::part) makes parts that fit.
-    pub fn split(&self, part: &Part) -> Self {
+    pub fn split(&self, part: &Part) -> Result<Self, BuildError> {
         let (parts, forces) = (self.parts(), self.spring().forces());
         let rows: Vec<usize> = part.dofs.iter().flat_map(|dof| dof * forces..(dof + 1) * forces).collect();
         let scaled =
             DMatrix::from_fn(rows.len(), self.rank(), |i, k| parts.basis[(rows[i], k)] * parts.singular[k]);
         let found = left_singular(&scaled, Wanted::All);
+        if found.values.is_empty() {
+            let names = part.dofs.iter().map(|dof| parts.layout.names()[*dof].clone());
+            return Err(BuildError::Resting { names: names.collect::<Vec<_>>().join(", ") });
+        }
         let turn = found
             .vectors
             .tr_mul(&DMatrix::from_fn(rows.len(), self.rank(), |i, k| parts.basis[(rows[i], k)]));
@@ -37,7 +44,6 @@ impl MotionLibrary {
             energy: found.energy,
             entries: entries.collect(),
         })
-        .expect("a part of a library fits itself")
     }
 }
 

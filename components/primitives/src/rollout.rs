@@ -100,6 +100,23 @@ pub enum RolloutError {
     /// A kernelised primitive that cannot be conditioned so.
     #[error(transparent)]
     Kmp(#[from] KmpError),
+    /// A place that the distribution cannot pass, because its demonstrations do not vary enough or other places contradict it.
+    #[error(
+        "at phase {phase}, dimension {dimension}, the movement passes {reached:.4}, expected {wanted} within three times the deviation {deviation}: the demonstrations \
+         do not vary enough there, or other places contradict it; move the place, or give it a larger deviation (`--via P:X:DEVIATION`)"
+    )]
+    Unmet {
+        /// Phase of the place.
+        phase: f64,
+        /// Index of the dimension.
+        dimension: usize,
+        /// Position of the movement.
+        reached: f64,
+        /// Position of the place.
+        wanted: f64,
+        /// Its standard deviation.
+        deviation: f64,
+    },
     /// A number of samples out of its range.
     #[error(transparent)]
     Value(#[from] ValueError),
@@ -107,6 +124,12 @@ pub enum RolloutError {
 
 /// Longest step of discrete and rhythmic primitives, s; shorter where samples are closer.
 const STEP: f64 = 1e-3;
+
+/// Steps in the duration of a movement, or the period of a rhythm, that are enough: beyond 100 s steps are longer.
+const STEPS: f64 = 1e5;
+
+/// Most steps of a trajectory.
+const MAX_STEPS: f64 = 1e9;
 
 /// Most samples of a trajectory.
 pub const MAX_SAMPLES: f64 = 1e7;
@@ -188,7 +211,7 @@ fn discrete(
         dmp.start_at_velocity([&start[..], &velocity[..]], goal, duration)?;
     }
     let state = |dmp: &DiscreteDmp| (dmp.position().to_vec(), dmp.velocity().to_vec());
-    stepped(file, [duration, interval], &mut dmp, state, |dmp, dt| dmp.step(dt))
+    stepped(file, [duration, interval, duration], &mut dmp, state, |dmp, dt| dmp.step(dt))
 }
 
 fn rhythmic(
@@ -215,19 +238,25 @@ fn rhythmic(
     dmp.start(0.0, overrides.start.as_ref().unwrap_or(&file.start), &velocity)?;
     let duration = period * overrides.periods.unwrap_or(2.0);
     let state = |dmp: &RhythmicDmp| (dmp.position().to_vec(), dmp.velocity().to_vec());
-    stepped(file, [duration, interval], &mut dmp, state, |dmp, dt| dmp.step(dt))
+    stepped(file, [duration, interval, period], &mut dmp, state, |dmp, dt| dmp.step(dt))
 }
 
-/// Samples of a primitive that steps.
+/// Samples of a primitive that steps; `scale` is the time of its movement or of its period, s.
 fn stepped<T>(
     file: &PrimitiveFile,
-    [duration, interval]: [f64; 2],
+    [duration, interval, scale]: [f64; 3],
     running: &mut T,
     state: impl Fn(&T) -> (Vec<f64>, Vec<f64>),
     step: impl Fn(&mut T, f64),
 ) -> Result<Trajectory, RolloutError> {
     let count = samples(duration, interval)?;
-    let substeps = (interval / STEP).ceil().max(1.0) as usize;
+    let substeps = (interval / STEP.max(scale / STEPS)).ceil().max(1.0);
+    let steps = substeps * count as f64;
+    if steps > MAX_STEPS {
+        let expected = "at most 10^9: choose a shorter duration or fewer periods";
+        return Err(ValueError::OutOfRange { name: "the number of steps", value: steps, expected }.into());
+    }
+    let substeps = substeps as usize;
     let mut trajectory = empty(file);
     for k in 0..count {
         if k > 0 {
@@ -257,6 +286,7 @@ fn probabilistic(
         let noise = DMatrix::identity(dimensions, dimensions) * deviation * deviation;
         promp = promp.conditioned(phase, &DVector::from_vec(position), &noise)?;
     }
+    crate::places::met(&mut ProMpMean::from(promp.clone()), overrides)?;
     let variance = |phase: f64| Ok(promp.covariance_at(phase).diagonal());
     followed(file, ProMpMean::from(promp.clone()), Some(&variance), overrides, interval)
 }
@@ -273,6 +303,7 @@ fn kernelised(
         movement = movement.conditioned(phase, &DVector::from_vec(position), deviation)?;
     }
     let kmp = movement.kmp()?;
+    crate::places::met(&mut movement.running()?, overrides)?;
     let variance = |phase: f64| Ok(kmp.covariance(&[phase])?.diagonal());
     followed(file, movement.running()?, Some(&variance), overrides, interval)
 }
@@ -306,7 +337,7 @@ fn conditions(kind: &'static str, overrides: &Override) -> Result<(), RolloutErr
 }
 
 /// The places to pass: start, goal, via points.
-fn places(overrides: &Override) -> impl Iterator<Item = ViaPoint> {
+pub(crate) fn places(overrides: &Override) -> impl Iterator<Item = ViaPoint> {
     let ends =
         [(0.0, &overrides.start), (1.0, &overrides.goal)].into_iter().filter_map(|(phase, position)| {
             Some(ViaPoint { phase, position: position.clone()?, deviation: END_DEVIATION })

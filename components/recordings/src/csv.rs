@@ -58,7 +58,7 @@ pub(crate) fn table(
         }
         let number = |index: usize| number(&record[index], || place.clone().column(index + 1, &names[index]));
         let time = match columns.clock {
-            Some(Clock::Time(index) | Clock::Step(index)) => Some(number(index)?),
+            Some(Clock::Time(index, _) | Clock::Step(index, _)) => Some(number(index)?),
             _ => None,
         };
         let values = columns.channels.iter().map(|(index, _)| number(*index)).collect::<Result<_, _>>()?;

@@ -7,6 +7,9 @@ use crate::{Recording, RecordingError};
 /// Samples a second at which a recording is filtered, in multiples of the cutoff: fine enough for the kernel.
 const OVERSAMPLING: f64 = 20.0;
 
+/// Fewest periods of the cutoff in a recording: a slower filter would average over far more than there is.
+const FEWEST_PERIODS: f64 = 0.1;
+
 /// Largest deviation of a time from even spacing, in steps, at which samples count as evenly spaced.
 const UNEVENNESS: f64 = 0.01;
 
@@ -39,6 +42,10 @@ impl Recording {
         let Some(cutoff) = cutoff else { return Ok(self.interpolated(samples)) };
         if !(cutoff > 0.0 && cutoff.is_finite()) {
             let expected = "a positive number of Hz";
+            return Err(RecordingError::OutOfRange { name: "cutoff", value: cutoff, expected });
+        }
+        if cutoff * self.duration() < FEWEST_PERIODS {
+            let expected = "at least a tenth of the inverse of the duration";
             return Err(RecordingError::OutOfRange { name: "cutoff", value: cutoff, expected });
         }
         let wanted = (self.duration() * cutoff * OVERSAMPLING).ceil().clamp(16.0, 200_000.0) as usize;

@@ -4,8 +4,9 @@ use serde_json::{Map, Value};
 
 use crate::Recording;
 use crate::error::{Place, RecordingError};
-use crate::names::{Clock, Columns, STEP, TIME, is_time};
-use crate::read::{Selection, Table, timed};
+use crate::names::{Clock, Columns, is_time};
+use crate::read::{Selection, Table};
+use crate::time::timed;
 
 /// A JSON value with its place in the file.
 type Item = (Place, Value);
@@ -70,7 +71,7 @@ fn is_sample(value: &Value, selection: &Selection) -> bool {
     if object.get("positions").is_some_and(Value::is_array) {
         return false;
     }
-    let has_time = TIME.iter().chain(&STEP).any(|key| object.get(*key).is_some_and(Value::is_number));
+    let has_time = object.iter().any(|(key, value)| is_time(key) && value.is_number());
     let is_topic = object.get("value").is_some_and(Value::is_object);
     has_time
         || is_topic
@@ -108,7 +109,7 @@ fn samples(path: &str, items: &[Item], selection: &Selection) -> Result<Recordin
             return Err(malformed(place, found.join(", "), &expected));
         }
         let time = match columns.clock {
-            Some(Clock::Time(index) | Clock::Step(index)) => Some(fields[index].1),
+            Some(Clock::Time(index, _) | Clock::Step(index, _)) => Some(fields[index].1),
             _ => None,
         };
         let values = columns.channels.iter().map(|(index, _)| fields[*index].1).collect();
@@ -212,7 +213,7 @@ fn whole(
         (rate, None) => rate,
     };
     let (clock, times) = match columns.clock {
-        Some(clock @ (Clock::Time(index) | Clock::Step(index))) => (clock, Some(&all[index].1)),
+        Some(clock @ (Clock::Time(index, _) | Clock::Step(index, _))) => (clock, Some(&all[index].1)),
         _ => {
             let clock = match given {
                 Some(rate) if rate > 0.0 && rate.is_finite() => Some(Clock::Rate(rate)),

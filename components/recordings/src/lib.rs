@@ -15,8 +15,14 @@
 //! and `names`. `label` or `letter` is the kind of movement, `id` or `demo` its name; `duration` (s) or `rate` (Hz) says
 //! how long it takes. Arrays whose names all begin with `v` (`vx`, `vy`) are velocities and are summed up.
 //!
-//! **Time.** A column, field or array `time_s`, `time`, `t` or `timestamp` holds the time of a sample, s; `dt_s`, `dt` or
-//! `frame_dt` the time from it to the next. Without one, samples are evenly spaced at [`Selection::rate`].
+//! **Time.** A column, field or array `time_s`, `time`, `t`, `timestamp`, `__time` or `log_time` holds the time of a sample;
+//! `dt_s`, `dt` or `frame_dt` the time from it to the next, s. Without one, samples are evenly spaced at [`Selection::rate`].
+//!
+//! **Units of time.** `time_s`, `time_ms`, `time_us` and `time_ns` (or `t_`, `timestamp_`) state their unit. Other names hold
+//! seconds, or times since 1970 in s, ms, us or ns, which their size shows. Numbers too far apart for seconds are refused, as is
+//! a gap of a clock that was set.
+//!
+//! **Tables of `motorium export`.** Their columns `sequence`, `publish_time_ns`, `source_time_ns` and `episode` are not channels.
 //!
 //! **Velocities.** A column `NAME_velocity` beside a column `NAME` is the velocity of that channel, and no channel itself.
 //!
@@ -32,6 +38,7 @@
 //! # Ok::<(), motorium_recordings::RecordingError>(())
 //! ```
 
+mod continuous;
 mod csv;
 mod error;
 mod even;
@@ -39,7 +46,9 @@ mod file;
 mod json;
 mod names;
 mod read;
+mod time;
 
+pub use continuous::Removed;
 pub use error::{Place, RecordingError};
 pub use file::read_bounded;
 pub use read::{Selection, is_recording, read, read_all, read_text};

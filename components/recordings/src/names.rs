@@ -2,21 +2,46 @@
 
 use crate::error::{Place, RecordingError};
 use crate::read::Selection;
+use crate::time::Unit;
 
-/// Names of a column or field that holds the time, s; the first of them that exists is taken.
-pub(crate) const TIME: [&str; 4] = ["time_s", "time", "t", "timestamp"];
+/// Names of a column or field that holds the time, in s or in a unit that the size of its numbers shows; the first of them that
+/// exists is used.
+pub(crate) const TIME: [&str; 7] = ["time_s", "time", "t", "timestamp", "timestamp_s", "__time", "log_time"];
+/// Beginnings of names that a unit follows.
+const TIME_IN: [&str; 3] = ["time", "t", "timestamp"];
+/// Ends of names of times in another unit, and the unit in s.
+const UNITS: [(&str, f64); 3] = [("_ms", 1e-3), ("_us", 1e-6), ("_ns", 1e-9)];
 /// Names of a column or field that holds the time from its sample to the next, s.
 pub(crate) const STEP: [&str; 3] = ["dt_s", "dt", "frame_dt"];
+/// Columns of a table that `motorium export` writes, besides the time and the fields of the samples.
+const EXPORTED: [&str; 4] = ["sequence", "publish_time_ns", "source_time_ns", "episode"];
 
 /// The column that times come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Clock {
-    /// Index of a column of times, s.
-    Time(usize),
-    /// Index of a column of time steps, s.
-    Step(usize),
+    /// Index of a column of times, and their unit.
+    Time(usize, Unit),
+    /// Index of a column of time steps, and their unit.
+    Step(usize, Unit),
     /// A number of samples a second.
     Rate(f64),
+}
+
+/// The unit of a time column of this name; `None` if it is not a time column.
+fn time_unit(name: &str) -> Option<Unit> {
+    if TIME.contains(&name) {
+        return Some(if name.ends_with("_s") { Unit::Named(1.0) } else { Unit::Recognised });
+    }
+    let (_, seconds) = UNITS
+        .into_iter()
+        .find(|(end, _)| name.strip_suffix(end).is_some_and(|beginning| TIME_IN.contains(&beginning)))?;
+    Some(Unit::Named(seconds))
+}
+
+/// The unit of a column of time steps of this name; `None` if it is not one.
+fn step_unit(name: &str) -> Option<Unit> {
+    let named = if name == "dt_s" { Unit::Named(1.0) } else { Unit::Recognised };
+    STEP.contains(&name).then_some(named)
 }
 
 /// The columns of a table that make a recording.
@@ -29,7 +54,7 @@ pub(crate) struct Columns {
 }
 
 pub(crate) fn is_time(name: &str) -> bool {
-    TIME.contains(&name) || STEP.contains(&name)
+    time_unit(name).is_some() || step_unit(name).is_some()
 }
 
 impl Columns {
@@ -49,16 +74,24 @@ impl Columns {
                 });
             }
         }
-        let find =
-            |known: &[&str]| known.iter().find_map(|wanted| names.iter().position(|name| name == wanted));
-        let clock = match (find(&TIME), find(&STEP)) {
-            (Some(index), _) => Some(Clock::Time(index)),
-            (None, Some(index)) => Some(Clock::Step(index)),
+        let position = |wanted: &&str| names.iter().position(|name| name == wanted);
+        let find = |unit: fn(&str) -> Option<Unit>| {
+            names.iter().enumerate().find_map(|(index, name)| Some((index, unit(name)?)))
+        };
+        let usual = TIME.iter().find_map(position).and_then(|index| Some((index, time_unit(&names[index])?)));
+        let clock = match (usual.or_else(|| find(time_unit)), find(step_unit)) {
+            (Some((index, unit)), _) => Some(Clock::Time(index, unit)),
+            (None, Some((index, unit))) => Some(Clock::Step(index, unit)),
             (None, None) => selection.clock()?,
         };
+        let is_exported = EXPORTED.iter().all(|name| position(name).is_some());
+        let is_other = |name: &str| is_time(name) || (is_exported && EXPORTED.contains(&name));
         let all: Vec<(usize, &String)> =
-            names.iter().enumerate().filter(|(_, name)| !is_time(name)).collect();
-        let usual = channels_of_field(place, &all, selection.field.as_deref())?;
+            names.iter().enumerate().filter(|(_, name)| !is_other(name)).collect();
+        let usual = match exported(&all, selection.field.as_deref()).filter(|_| is_exported) {
+            Some(entries) => entries,
+            None => channels_of_field(place, &all, selection.field.as_deref())?,
+        };
         let channels = if selection.channels.is_empty() {
             usual
         } else {
@@ -79,6 +112,14 @@ impl Columns {
         }
         Ok(Self { clock, channels })
     }
+}
+
+/// The entries of a field of an exported state buffer, such as `position[0]`, by default of the position.
+fn exported(all: &[(usize, &String)], field: Option<&str>) -> Option<Vec<(usize, String)>> {
+    let beginning = format!("{}[", field.unwrap_or("position"));
+    let entries = all.iter().filter(|(_, name)| name.starts_with(&beginning));
+    let entries: Vec<(usize, String)> = entries.map(|(index, name)| (*index, (*name).clone())).collect();
+    (!entries.is_empty()).then_some(entries)
 }
 
 /// The channels of a field: without one, all but the velocities of other channels.

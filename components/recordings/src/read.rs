@@ -7,6 +7,7 @@ use nalgebra::DMatrix;
 use crate::error::{Place, RecordingError};
 use crate::file::read_bounded;
 use crate::names::{Clock, Columns};
+use crate::time::timed;
 use crate::{Recording, csv, json};
 
 /// Longest file, bytes: an hour of forty joints at 1 kHz as text.
@@ -156,34 +157,4 @@ impl Table {
         let values = DMatrix::from_fn(rows.len(), columns.channels.len(), |k, c| rows[k].2[c]);
         Recording::new(columns.channels.into_iter().map(|(_, name)| name).collect(), times, values)
     }
-}
-
-/// Times of samples, s, from the numbers of their time column.
-pub(crate) fn timed(
-    clock: Clock,
-    samples: impl Iterator<Item = (Place, Option<f64>)>,
-) -> Result<Vec<f64>, RecordingError> {
-    let mut times: Vec<f64> = Vec::new();
-    let mut step = 0.0;
-    for (k, (place, number)) in samples.enumerate() {
-        let number = number.unwrap_or_default();
-        let time = match clock {
-            Clock::Rate(rate) => k as f64 / rate,
-            Clock::Time(_) => number,
-            // the number of a sample is the time from it to the next
-            Clock::Step(_) => times.last().map_or(0.0, |last| last + step),
-        };
-        if times.last().is_some_and(|last| time <= *last) {
-            let before = times[k - 1];
-            return Err(RecordingError::Malformed {
-                place: Box::new(place),
-                found: format!("the time {time} s after {before} s"),
-                expected: "times that increase".into(),
-                advice: Some("sort the recording, or cut it where the clock was reset"),
-            });
-        }
-        times.push(time);
-        step = number;
-    }
-    Ok(times)
 }

@@ -215,3 +215,63 @@ fn text_that_is_torn_or_not_utf8_is_refused_with_its_line() {
     let error = read(&path, &all()).unwrap_err().to_string();
     assert!(error.ends_with("line 3: found bytes that are no UTF-8, expected text in UTF-8"), "{error}");
 }
+
+#[test]
+fn units_of_time_are_named_or_recognised() {
+    let epoch = 1_795_734_000.0_f64;
+    for (name, unit) in [("timestamp", 1.0), ("time", 1e3), ("t", 1e6), ("timestamp", 1e9), ("log_time", 1e9)]
+    {
+        let line = |k: i32| format!("{},{k}\n", (epoch + 0.01 * f64::from(k)) * unit);
+        let text = format!("{name},a\n{}", (0..100).map(line).collect::<String>());
+        let recording = read_text("x.csv", &text, &all()).unwrap();
+        assert!((recording.duration() - 0.99).abs() < 1e-5, "{name}, {unit}: {} s", recording.duration());
+        assert_eq!(recording.names(), ["a"]);
+    }
+    for (name, unit) in [("time_ms", 1e3), ("timestamp_us", 1e6), ("t_ns", 1e9), ("timestamp_s", 1.0)] {
+        let line = |k: i32| format!("{},{k}\n", 0.01 * f64::from(k) * unit);
+        let text = format!("{name},a\n{}", (0..100).map(line).collect::<String>());
+        let recording = read_text("x.csv", &text, &all()).unwrap();
+        assert!((recording.duration() - 0.99).abs() < 1e-9, "{name}: {} s", recording.duration());
+    }
+    let json = r#"{"timestamp": 1795734000000000000, "x": 0.0}
+{"timestamp": 1795734000010000000, "x": 0.1}"#;
+    assert!((read_text("x.jsonl", json, &all()).unwrap().duration() - 0.01).abs() < 1e-6);
+}
+
+#[test]
+fn times_of_an_unknown_unit_are_refused() {
+    let table = |name: &str, step: f64| {
+        let lines: String = (0..100).map(|k| format!("{},{k}\n", step * f64::from(k))).collect();
+        format!("{name},a\n{lines}")
+    };
+    for (name, step) in [("time", 10.0), ("t", 1.0), ("timestamp", 1e4), ("time", 1e7)] {
+        let error = refusal("x.csv", &table(name, step), &all());
+        assert!(error.contains("without a unit") && error.contains("time_ms"), "{error}");
+    }
+    let error =
+        refusal("x.csv", &"dt,a\n".chars().chain("10,1\n".repeat(9).chars()).collect::<String>(), &all());
+    assert!(error.contains("without a unit"), "{error}");
+    assert!((read_text("x.csv", &table("time_s", 10.0), &all()).unwrap().duration() - 990.0).abs() < 1e-9);
+    // a clock that was set
+    let late: String = (0..50).map(|k| format!("{},{k}\n", 1_764_300_000.0 + 0.01 * f64::from(k))).collect();
+    let error = refusal("x.csv", &format!("t,x\n0,0\n{late}"), &all());
+    assert!(error.starts_with("x.csv, line 3: found 1764300000 s since the sample before"), "{error}");
+}
+
+#[test]
+fn a_table_of_motorium_export_is_read() {
+    let text = "time_ns,sequence,publish_time_ns,source_time_ns,episode,count,position[0],position[1],velocity[0]\n\
+                0,1,0,0,0,2,1,2,9\n1000000,2,1000000,1000000,0,2,3,4,9\n2000000,3,2000000,2000000,0,2,5,6,9\n";
+    let recording = read_text("x.csv", text, &all()).unwrap();
+    assert_eq!(recording.names(), ["position[0]", "position[1]"]);
+    assert!((recording.duration() - 0.002).abs() < 1e-12);
+    let velocity = Selection { field: Some("velocity".into()), ..all() };
+    assert_eq!(read_text("x.csv", text, &velocity).unwrap().names(), ["velocity[0]"]);
+    assert_eq!(read_text("x.csv", text, &channels(&["position[1]"])).unwrap().names(), ["position[1]"]);
+}
+
+#[test]
+fn a_cutoff_far_below_the_duration_is_refused() {
+    let recording = read_text("x.csv", "t,a\n0,1\n1,2\n", &all()).unwrap();
+    assert!(recording.evenly(10, Some(1e-9)).unwrap_err().to_string().starts_with("cutoff = "));
+}

@@ -12,6 +12,9 @@ use super::{
 };
 use crate::Model;
 
+/// Longest file of an actuator network, bytes: they have a few thousand weights.
+const LONGEST_NETWORK: u64 = 256 * 1024 * 1024;
+
 /// The stages between the effort that a drive is asked for and the one that acts on the joint. The default is an ideal actuator.
 ///
 /// `T` is a time, as the reader of the table writes times.
@@ -242,7 +245,7 @@ impl<T: Copy> NetworkTable<T> {
             }
         }
         let path = folder.join(&self.file);
-        let bytes = std::fs::read(&path).map_err(|error| {
+        let bytes = crate::file::read_bounded(&path, LONGEST_NETWORK).map_err(|error| {
             ActuatorTableError::new(key("file"), format!("{}: {error}", path.display()))
                 .advise("a relative path begins at the folder of the graph")
         })?;

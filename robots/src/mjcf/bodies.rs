@@ -16,7 +16,7 @@ use super::schema::{BODY, FRAME, FREEJOINT, JOINT, SITE};
 use crate::{Base, Body, Colour, Frame, Inertia, Shape, Srdf};
 
 /// Largest depth of bodies and frames: the reader recurses, and half the stack of a thread must do.
-const DEEPEST: usize = 150;
+pub(super) const DEEPEST: usize = 150;
 
 /// The context of an element.
 #[derive(Clone, Copy)]

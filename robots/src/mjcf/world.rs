@@ -7,7 +7,7 @@ use nalgebra::Isometry3;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::attributes::{Attributes, Element, MAIN, named};
-use super::bodies::body_name;
+use super::bodies::{DEEPEST, body_name};
 use super::build::parsed;
 use super::compiler::Compiler;
 use super::error::{MjcfError, MjcfProblem};
@@ -188,6 +188,10 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
 
     fn contents(&mut self, node: Node<'a, 'i>, place: &Place<'a>) -> Result<(), MjcfError> {
         let attributes = self.geoms.attributes;
+        if node.ancestors().nth(DEEPEST).is_some() {
+            let problem = format!("more than {DEEPEST} bodies and frames in one another are not read");
+            return Err(self.other(node, &problem));
+        }
         for element in node.children().filter(Node::is_element) {
             match element.tag_name().name() {
                 "frame" => {

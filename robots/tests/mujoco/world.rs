@@ -171,3 +171,16 @@ fn heights_of_pictures_and_of_binary_files_lie_as_on_a_map_and_in_their_order() 
     let refused = parse_mjcf_world(&text("short.bin"), Some(&main)).unwrap_err().to_string();
     assert!(refused.contains("main.xml:1:16: file=\"short.bin\" of <hfield>"), "{refused}");
 }
+
+#[test]
+fn bodies_too_deep_in_one_another_are_refused() {
+    let nested = |depth: usize| {
+        let (open, close) = ("<body>".repeat(depth), "</body>".repeat(depth));
+        format!("<mujoco><worldbody>{open}<geom size=\"1\"/>{close}</worldbody></mujoco>")
+    };
+    for depth in [200, 5000] {
+        let refused = parse_mjcf_world(&nested(depth), None).unwrap_err().to_string();
+        assert!(refused.contains("in one another are not read"), "{depth}: {refused}");
+    }
+    assert!(parse_mjcf_world(&nested(100), None).is_ok());
+}

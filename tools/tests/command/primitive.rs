@@ -213,3 +213,39 @@ fn kernelised_and_polynomial_primitives_are_fitted_shown_bent_and_replayed() {
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(errors.contains("a polynomial primitive has a duration: no start, goal"), "{errors}");
 }
+
+/// Fits a table of one formula for each column; the outcome, output and errors together.
+fn fitted(columns: &str, row: impl Fn(f64) -> String, options: &[&str]) -> (bool, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("shown.csv");
+    let rows: String =
+        (0..=225).map(|k| format!("{},{}\n", f64::from(k) * 0.01, row(f64::from(k) * 0.01))).collect();
+    std::fs::write(&path, format!("{columns}\n{rows}")).expect("the folder takes files");
+    let output = run(&[&["primitive", "fit", text(&path)], options].concat());
+    let said = [output.stdout, output.stderr].concat();
+    (output.status.success(), String::from_utf8_lossy(&said).into_owned())
+}
+
+#[test]
+fn angles_and_quaternions_are_fitted_without_jumps() {
+    let wrapped = |t: f64| {
+        let angle = 2.5 + t;
+        (angle + std::f64::consts::PI).rem_euclid(std::f64::consts::TAU) - std::f64::consts::PI
+    };
+    let (good, said) = fitted("time,yaw", |t| wrapped(t).to_string(), &[]);
+    assert!(good && said.contains("`yaw` changed by a whole turn 1 times"), "{said}");
+    let sign = |t: f64| if t > 1.0 { -1.0 } else { 1.0 };
+    let rotation = |t: f64| format!("{},0,0,{}", sign(t) * (0.3 * t).sin(), sign(t) * (0.3 * t).cos());
+    let (good, said) = fitted("time,qx,qy,qz,qw", rotation, &[]);
+    assert!(good && said.contains("changed its sign 1 times"), "{said}");
+}
+
+#[test]
+fn a_rhythm_that_does_not_close_is_refused() {
+    let wave = |t: f64| (std::f64::consts::TAU * t).sin().to_string();
+    let (good, said) = fitted("time,x", wave, &["--model", "rhythmic"]);
+    assert!(!good && said.contains("begins at 0.0000 and ends at 1.0000"), "{said}");
+    let slow = |t: f64| (std::f64::consts::TAU * t / 1.125).sin().to_string();
+    let (good, said) = fitted("time,x", slow, &["--model", "rhythmic", "--periods", "2"]);
+    assert!(good, "{said}");
+}

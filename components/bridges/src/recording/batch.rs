@@ -82,7 +82,7 @@ impl Batch {
 
 /// Messages of the last moments, oldest first.
 pub(super) struct Ring {
-    span_ns: u64,
+    pub(super) span_ns: u64,
     pub(super) messages: VecDeque<(Message, Box<[u8]>)>,
 }
 

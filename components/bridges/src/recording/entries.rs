@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 
 use foxglove::Decode as _;
 use foxglove::messages::RawImage;
-use mcap::read::ChunkFlattener;
 use mcap::records::Record;
 use motorium::state::Stamp;
 
 use super::reader::{ReadError, Recording, Source};
+use super::records::Records;
 use crate::foxglove::DerivedError;
 
 /// A sample of a recording.
@@ -115,28 +115,19 @@ struct Message<'r> {
 /// The messages of a recording, one after the other.
 struct Messages<'r> {
     recording: &'r Recording,
-    records: Option<ChunkFlattener<'r>>,
+    records: Records<'r>,
 }
 
 impl<'r> Messages<'r> {
     fn new(recording: &'r Recording) -> Self {
-        Self { recording, records: recording.records().ok() }
+        Self { recording, records: recording.records() }
     }
 
     fn next(&mut self) -> Option<Message<'r>> {
         loop {
-            match self.records.as_mut()?.next() {
-                Some(Ok(Record::Message { header, data })) => {
-                    let Some(source) = self.recording.of_channel.get(&header.channel_id) else { continue };
-                    return Some(Message { source: *source, time_ns: header.log_time, data });
-                }
-                Some(Ok(_)) => {}
-                // The scan has read so far, and has found nothing behind it.
-                Some(Err(_)) | None => {
-                    self.records = None;
-                    return None;
-                }
-            }
+            let Record::Message { header, data } = self.records.next()? else { continue };
+            let Some(source) = self.recording.source(header.channel_id) else { continue };
+            return Some(Message { source, time_ns: header.log_time, data });
         }
     }
 

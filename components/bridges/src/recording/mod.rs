@@ -16,11 +16,13 @@
 
 mod analysis;
 mod batch;
+mod chunks;
 mod component;
 mod csv;
 mod ease;
 mod entries;
 mod file;
+mod framing;
 mod head;
 mod lerobot;
 mod machine;
@@ -28,9 +30,11 @@ mod order;
 mod outcome;
 mod reader;
 mod recorder;
+mod records;
 mod recover;
 mod replaced;
 mod replay;
+mod scan;
 mod score;
 mod settings;
 mod signals;
@@ -64,6 +68,10 @@ pub use verify::{Difference, Verification, VerifyError, What, verify};
 const RUN: &str = "motorium";
 /// Name of the metadata record with the counts of the recording.
 const COUNTS: &str = "recording";
+/// Key of that record in a recording of the last moments of a run: their longest time in ns. Its counts are of the whole run.
+const KEPT: &str = "kept ns";
+/// Name of the metadata record with the losses of a recording that was recovered.
+const RECOVERED: &str = "recovered";
 /// Name of the attachment with the plan.
 const PLAN: &str = "plan.json";
 /// Key of the metadata of a channel: the topic that it is made of.

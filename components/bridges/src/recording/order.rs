@@ -65,7 +65,7 @@ impl Recording {
         InOrder {
             samples: self.samples(),
             waiting: BinaryHeap::new(),
-            disorder_ns: self.disorder_ns,
+            disorder_ns: self.disorder_ns(),
             latest_ns: 0,
             read: 0,
             is_over: false,
@@ -133,7 +133,7 @@ mod tests {
         }
         writer.finish().unwrap();
         let recording = Recording::open(&file).unwrap();
-        assert_eq!(recording.disorder_ns, 5, "4 comes behind 9");
+        assert_eq!(recording.disorder_ns(), 5, "4 comes behind 9");
         let found = recording.in_order().map(Result::unwrap);
         let found: Vec<(u64, u64)> = found.map(|sample| (sample.time_ns, sample.stamp.sequence)).collect();
         assert_eq!(found, [(3, 2), (4, 5), (5, 1), (9, 3), (9, 4), (11, 8), (12, 6), (12, 7), (20, 9)]);

@@ -2,23 +2,19 @@
 
 #![allow(unsafe_code)] // a file is mapped rather than read: recordings are larger than memory
 
-use std::borrow::Cow;
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use mcap::McapError;
-use mcap::read::{ChunkFlattener, LinearReader, Options};
-use mcap::records::{ChunkHeader, Record};
+use mcap::{MAGIC, McapError};
 use memmap2::Mmap;
 use motorium::plan::Plan;
 use motorium::state::TypeLayout;
 
-use super::{LAYOUT, PLAN, RUN, TOPIC};
+use super::framing::Summary;
+use super::records::Records;
+use super::scan::Scan;
+use super::{COUNTS, PLAN, RECOVERED, RUN};
 use crate::foxglove::{Derived, DerivedError};
-
-/// Name of the schema of pictures.
-const PICTURES: &str = "foxglove.RawImage";
 
 /// A recording, opened for reading.
 ///
@@ -37,19 +33,8 @@ const PICTURES: &str = "foxglove.RawImage";
 pub struct Recording {
     path: PathBuf,
     map: Mmap,
-    topics: Vec<RecordedTopic>,
-    pictures: Vec<RecordedPictures>,
-    /// Kind of the messages of each channel, by the number of the channel.
-    pub(super) of_channel: BTreeMap<u16, Source>,
-    attachments: Vec<(String, Vec<u8>)>,
-    /// The last message of each channel that belongs to no topic.
-    latched: BTreeMap<String, Vec<u8>>,
-    metadata: BTreeMap<String, BTreeMap<String, String>>,
-    is_whole: bool,
-    times: Option<(u64, u64)>,
-    /// Longest time by which a message lies before one that stands before it in the file, ns.
-    pub(super) disorder_ns: u64,
-    damaged: Vec<(u64, u64)>,
+    summary: Summary,
+    scan: Scan,
 }
 
 /// A topic of a recording.
@@ -61,7 +46,7 @@ pub struct RecordedTopic {
     pub layout: TypeLayout,
     /// Number of its samples in the file.
     pub samples: u64,
-    derived: Derived,
+    pub(super) derived: Derived,
 }
 
 /// The pictures of a camera in a recording.
@@ -142,7 +127,7 @@ pub enum ReadError {
         reason: String,
     },
     /// The file is no recording of motorium.
-    #[error("{path} is no recording of this version of motorium: {reason}", path = .path.display())]
+    #[error("{path} is not a recording of this version of motorium: {reason}", path = .path.display())]
     Foreign {
         /// The file.
         path: PathBuf,
@@ -157,159 +142,76 @@ impl Recording {
     /// # Errors
     /// The file cannot be read, or is no recording.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let io = |reason| ReadError::Io { path: path.to_path_buf(), reason };
-        let file = File::open(path).map_err(io)?;
-        let metadata = file.metadata().map_err(io)?;
-        if !metadata.is_file() {
-            let what = if metadata.is_dir() { "it is a folder" } else { "it is a device or a pipe" };
-            return Err(io(std::io::Error::other(format!("{what}, expected the file of a recording"))));
+        let map = map_file(path)?;
+        let foreign = |reason: String| ReadError::Foreign { path: path.to_path_buf(), reason };
+        let summary = Summary::read(&map);
+        let scan = Scan::of_file(&map, &summary).map_err(foreign)?;
+        if let Some(reason) = other_writer(&scan) {
+            return Err(foreign(reason));
         }
-        if metadata.len() == 0 {
-            let reason = "it is empty".to_string();
-            return Err(ReadError::Foreign { path: path.to_path_buf(), reason });
-        }
-        // SAFETY: recordings are written once. One that is cut while it is mapped ends the program, and damages nothing else.
-        let map = unsafe { Mmap::map(&file) }.map_err(io)?;
-        let mut this = Self {
-            path: path.to_path_buf(),
-            map,
-            topics: Vec::new(),
-            pictures: Vec::new(),
-            of_channel: BTreeMap::new(),
-            attachments: Vec::new(),
-            latched: BTreeMap::new(),
-            metadata: BTreeMap::new(),
-            is_whole: false,
-            times: None,
-            disorder_ns: 0,
-            damaged: Vec::new(),
-        };
-        this.scan()?;
-        this.damaged = this.damaged_chunks();
-        Ok(this)
+        Ok(Self { path: path.to_path_buf(), map, summary, scan })
     }
 
-    fn format(&self, source: McapError) -> ReadError {
-        ReadError::Format { path: self.path.clone(), reason: Box::new(source) }
+    pub(super) fn records(&self) -> Records<'_> {
+        Records::new(&self.map, &self.summary, false)
     }
 
-    pub(super) fn records(&self) -> Result<ChunkFlattener<'_>, ReadError> {
-        ChunkFlattener::new_with_options(&self.map, Options::IgnoreEndMagic.into())
-            .map_err(|source| self.format(source))
+    pub(super) fn source(&self, channel: u16) -> Option<Source> {
+        self.scan.of_channel.get(&channel).copied()
     }
 
-    fn scan(&mut self) -> Result<(), ReadError> {
-        let (mut topics, mut of_channel) = (Vec::<RecordedTopic>::new(), BTreeMap::new());
-        let (mut pictures, mut of_pictures) = (Vec::<RecordedPictures>::new(), None);
-        let (mut attachments, mut metadata, mut is_whole) = (Vec::new(), BTreeMap::new(), false);
-        let (mut began, mut times) = (false, None::<(u64, u64)>);
-        let mut disorder_ns = 0;
-        let (mut of_no_topic, mut latched) = (BTreeMap::new(), BTreeMap::new());
-        for record in self.records()? {
-            let record = match record {
-                Ok(record) => record,
-                Err(error) if !began => return Err(self.format(error)),
-                // The end of a torn file.
-                Err(_) => break,
-            };
-            began = true;
-            match record {
-                Record::Schema { header, .. } if header.name == PICTURES => of_pictures = Some(header.id),
-                Record::Channel(channel) if !of_channel.contains_key(&channel.id) => {
-                    let topic = channel.metadata.get(TOPIC);
-                    if let (true, Some(topic)) = (of_pictures == Some(channel.schema_id), topic) {
-                        of_channel.insert(channel.id, Source::Pictures(pictures.len()));
-                        let (topic, channel) = (topic.clone(), channel.topic);
-                        pictures.push(RecordedPictures { topic, channel, count: 0 });
-                        continue;
-                    }
-                    if topic.is_none() {
-                        of_no_topic.insert(channel.id, channel.topic.clone());
-                    }
-                    let Some(layout) = channel.metadata.get(LAYOUT) else { continue };
-                    let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
-                    let layout: TypeLayout =
-                        serde_json::from_str(layout).map_err(|error| foreign(error.to_string()))?;
-                    let derived = Derived::new(&layout).map_err(|error| foreign(error.to_string()))?;
-                    of_channel.insert(channel.id, Source::Topic(topics.len()));
-                    let name = topic.unwrap_or(&channel.topic).clone();
-                    topics.push(RecordedTopic { name, layout, samples: 0, derived });
-                }
-                Record::Message { header, data } => {
-                    if let Some(name) = of_no_topic.get(&header.channel_id) {
-                        latched.insert(name.clone(), data.into_owned());
-                    }
-                    if let Some(source) = of_channel.get(&header.channel_id) {
-                        match *source {
-                            Source::Topic(topic) => topics[topic].samples += 1,
-                            Source::Pictures(of_camera) => pictures[of_camera].count += 1,
-                        }
-                        let (first, last) = times.unwrap_or((header.log_time, header.log_time));
-                        times = Some((first.min(header.log_time), last.max(header.log_time)));
-                        disorder_ns = disorder_ns.max(last.saturating_sub(header.log_time));
-                    }
-                }
-                Record::Attachment { header, data, .. } => {
-                    attachments.push((header.name, data.into_owned()));
-                }
-                Record::Metadata(found) => {
-                    metadata.insert(found.name, found.metadata);
-                }
-                Record::Footer(_) => is_whole = true,
-                _ => {}
-            }
-        }
-        (self.topics, self.pictures, self.of_channel) = (topics, pictures, of_channel);
-        (self.attachments, self.metadata, self.latched) = (attachments, metadata, latched);
-        (self.is_whole, self.times, self.disorder_ns) = (is_whole, times, disorder_ns);
-        Ok(())
-    }
-
-    /// The times of the first and the last message of each chunk whose bytes are not those that were written.
-    fn damaged_chunks(&self) -> Vec<(u64, u64)> {
-        let records = LinearReader::new_with_options(&self.map, Options::IgnoreEndMagic.into());
-        let chunks = records.into_iter().flatten().map_while(Result::ok).filter_map(|record| match record {
-            Record::Chunk { header, data } => Some((header, data)),
-            _ => None,
-        });
-        let is_damaged = |(header, data): &(ChunkHeader, Cow<'_, [u8]>)| {
-            let is_checked = header.uncompressed_crc != 0 && header.compression.is_empty();
-            is_checked && crc32fast::hash(data) != header.uncompressed_crc
-        };
-        let times = |(header, _): (ChunkHeader, _)| (header.message_start_time, header.message_end_time);
-        chunks.filter(is_damaged).map(times).collect()
+    /// Longest time by which a message lies before one that stands before it in the file, ns.
+    pub(super) fn disorder_ns(&self) -> u64 {
+        self.scan.disorder_ns
     }
 
     /// True if the file has its end: its writer was not interrupted.
     pub fn is_whole(&self) -> bool {
-        self.is_whole
+        self.scan.is_whole
     }
 
-    /// Faults of the file in spite of which it can be read: its end is missing, or bytes of it are not those that were written.
+    /// Messages that the file states and does not hold.
+    pub fn missing(&self) -> u64 {
+        self.scan.missing
+    }
+
+    /// Faults of the file in spite of which it can be read: its end is missing, messages are missing, or bytes of it are not those
+    /// that were written.
     pub fn faults(&self) -> Vec<String> {
+        let Scan { is_whole, damage, missing, times, metadata, .. } = &self.scan;
         let mut faults = Vec::new();
-        if !self.is_whole {
+        if !is_whole {
             faults.push(
                 "has no end: what there is of it is read (`motorium recover` gives it one)".to_string(),
             );
         }
-        if let (Some((from, _)), Some((_, to))) = (self.damaged.first(), self.damaged.last()) {
-            let begin = self.times.map_or(0, |(first, _)| first);
-            let since = |time: &u64| time.saturating_sub(begin) as f64 * 1e-9;
-            let count = self.damaged.len();
-            let chunks = if count == 1 { "chunk" } else { "chunks" };
-            faults.push(format!(
-                "is damaged: {count} {chunks} of it, between {:.3} s and {:.3} s, differ from what was written",
-                since(from),
-                since(to)
-            ));
+        faults.extend(damaged(&damage.chunks, times.map_or(0, |(first, _)| first)));
+        for name in &damage.attachments {
+            faults.push(format!("is damaged: its attachment `{name}` differs from what was written"));
+        }
+        if damage.has_other {
+            faults.push("is damaged: bytes outside of its chunks differ from what was written".to_string());
+        }
+        if *is_whole && damage.skipped > 0 {
+            faults.push(format!("is damaged: {} bytes of it cannot be read", damage.skipped));
+        }
+        if let Some(reason) = damage.unreadable.first() {
+            let count = damage.unreadable.len();
+            faults.push(format!("has {count} chunks that cannot be read: {reason}"));
+        }
+        if *missing > 0 {
+            faults.push(format!("lacks {missing} messages that it states to hold"));
+        }
+        if let Some(losses) = metadata.get(RECOVERED) {
+            let losses: Vec<String> = losses.iter().map(|(what, count)| format!("{what}: {count}")).collect();
+            faults.push(format!("was recovered from a damaged file, with losses ({})", losses.join(", ")));
         }
         faults
     }
 
     /// Times of the first and the last sample, as [`RecordedSample::time_ns`](super::RecordedSample::time_ns); `None` if there is no sample.
     pub fn times(&self) -> Option<(u64, u64)> {
-        self.times
+        self.scan.times
     }
 
     /// The file.
@@ -319,43 +221,43 @@ impl Recording {
 
     /// The topics that were recorded, and `motorium/events`.
     pub fn topics(&self) -> &[RecordedTopic] {
-        &self.topics
+        &self.scan.topics
     }
 
     /// The pictures of cameras that were recorded. They have no place among the [topics](Self::topics): their channels hold
     /// messages for viewers alone.
     pub fn pictures(&self) -> &[RecordedPictures] {
-        &self.pictures
+        &self.scan.pictures
     }
 
     /// The topic of a name.
     pub fn topic(&self, name: &str) -> Option<usize> {
-        self.topics.iter().position(|topic| topic.name == name)
+        self.scan.topics.iter().position(|topic| topic.name == name)
     }
 
     /// The content of an attachment.
     pub fn attachment(&self, name: &str) -> Option<&[u8]> {
-        self.attachments.iter().find(|(known, _)| known == name).map(|(_, content)| content.as_slice())
+        self.scan.attachments.iter().find(|(known, _)| known == name).map(|(_, content)| content.as_slice())
     }
 
     /// The last message of a channel that belongs to no topic, such as [`WORLD_SCENE`](crate::foxglove::WORLD_SCENE).
     pub fn latched(&self, channel: &str) -> Option<&[u8]> {
-        self.latched.get(channel).map(Vec::as_slice)
+        self.scan.latched.get(channel).map(Vec::as_slice)
     }
 
     /// Names of the attachments.
     pub fn attachments(&self) -> impl Iterator<Item = &str> {
-        self.attachments.iter().map(|(name, _)| name.as_str())
+        self.scan.attachments.iter().map(|(name, _)| name.as_str())
     }
 
     /// A fact of the run, such as `version` or `seed`.
     pub fn fact(&self, name: &str) -> Option<&str> {
-        self.metadata.get(RUN)?.get(name).map(String::as_str)
+        self.scan.metadata.get(RUN)?.get(name).map(String::as_str)
     }
 
     /// The samples of a topic that were lost, where the recording has its end.
     pub fn lost(&self, topic: &str) -> Option<u64> {
-        self.metadata.get(super::COUNTS)?.get(&format!("lost {topic}"))?.parse().ok()
+        self.scan.metadata.get(COUNTS)?.get(&format!("lost {topic}"))?.parse().ok()
     }
 
     /// The plan of the run.
@@ -364,11 +266,66 @@ impl Recording {
     /// The file holds none that this version reads.
     pub fn plan(&self) -> Result<Plan, ReadError> {
         let foreign = |reason: String| ReadError::Foreign { path: self.path.clone(), reason };
-        let missing = || match (self.is_whole, self.fact("version")) {
+        let missing = || match (self.scan.is_whole, self.fact("version")) {
             (false, None) => ReadError::Missing { path: self.path.clone(), reason: cut_off(self.map.len()) },
             _ => foreign(format!("it has no attachment `{PLAN}`")),
         };
         let text = self.attachment(PLAN).ok_or_else(missing)?;
         serde_json::from_slice(text).map_err(|error| foreign(error.to_string()))
     }
+}
+
+/// Maps an MCAP file into memory.
+pub(super) fn map_file(path: &Path) -> Result<Mmap, ReadError> {
+    let io = |reason| ReadError::Io { path: path.to_path_buf(), reason };
+    // Looked up before it is opened: opening a pipe waits for its other end.
+    let metadata = std::fs::metadata(path).map_err(io)?;
+    if !metadata.is_file() {
+        let found = if metadata.is_dir() { "a folder" } else { "a device or a pipe" };
+        return Err(io(std::io::Error::other(format!("it is {found}, expected the file of a recording"))));
+    }
+    if metadata.len() == 0 {
+        return Err(ReadError::Missing { path: path.to_path_buf(), reason: "it is empty".to_string() });
+    }
+    let file = File::open(path).map_err(io)?;
+    // SAFETY: recordings are written once. One that is cut while it is mapped ends the program, and damages nothing else.
+    let map = unsafe { Mmap::map(&file) }.map_err(io)?;
+    if !map.starts_with(MAGIC) {
+        let reason = Box::new(McapError::BadMagic);
+        return Err(ReadError::Format { path: path.to_path_buf(), reason });
+    }
+    Ok(map)
+}
+
+/// Faults of the chunks of these times, whose file begins at `begin` \[ns\].
+fn damaged(chunks: &[(u64, u64)], begin: u64) -> Option<String> {
+    let (from, to) = (chunks.iter().map(|(from, _)| from).min()?, chunks.iter().map(|(_, to)| to).max()?);
+    let since = |time: &u64| time.saturating_sub(begin) as f64 * 1e-9;
+    let count = chunks.len();
+    let noun = if count == 1 { "chunk" } else { "chunks" };
+    Some(format!(
+        "is damaged: {count} {noun} of it, between {:.3} s and {:.3} s, differ from what was written",
+        since(from),
+        since(to)
+    ))
+}
+
+/// Reason for which a file with channels of another program is not a recording.
+fn other_writer(scan: &Scan) -> Option<String> {
+    const SHOWN: usize = 5;
+    let (profile, library) = &scan.writer;
+    let is_own = profile == "motorium" || !scan.topics.is_empty() || scan.metadata.contains_key(RUN);
+    if is_own || scan.channels.is_empty() {
+        return scan.damage.unreadable.first().filter(|_| !is_own).cloned();
+    }
+    let mut names: Vec<String> =
+        scan.channels.values().take(SHOWN).map(|(name, encoding)| format!("`{name}` ({encoding})")).collect();
+    if scan.channels.len() > SHOWN {
+        names.push(format!("{} more", scan.channels.len() - SHOWN));
+    }
+    let by = if library.is_empty() { "another program".to_string() } else { format!("`{library}`") };
+    Some(format!(
+        "it was written by {by}, and holds {}; expected channels that `motorium run --record` writes",
+        names.join(", ")
+    ))
 }

@@ -1,29 +1,73 @@
-//! Repairing a recording whose writer was interrupted.
+//! Repairing a recording that is torn or damaged.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::BufWriter;
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::os::unix::fs::FileExt as _;
 use std::path::Path;
+use std::rc::Rc;
 
-use mcap::read::{ChunkFlattener, Options};
-use mcap::records::Record;
+use mcap::records::{Metadata, Record};
 use mcap::{Attachment, McapError, WriteOptions};
 
-use super::ReadError;
-use super::reader::cut_off;
+use super::framing::Summary;
+use super::reader::{cut_off, map_file};
+use super::records::Records;
+use super::scan::Scan;
+use super::{RECOVERED, ReadError};
 
-/// Counts of what was recovered of a torn file.
+/// Counts of what was recovered of a file, and of what is damaged or lost.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Recovered {
     /// Messages of all channels.
     pub messages: u64,
-    /// Bytes of the torn file that could not be read: its unfinished end.
+    /// Bytes of the file that belong to no readable record, such as its unfinished end.
     pub lost_bytes: u64,
-    /// True if the file had its end: there was nothing to repair.
+    /// True if the file had its end.
     pub was_whole: bool,
+    /// Messages that the file states and that cannot be read.
+    pub missing_messages: u64,
+    /// Chunks whose bytes differ from those that were written. Their messages are copied, without a checksum.
+    pub damaged_chunks: u64,
+    /// Attachments whose bytes differ from those that were written. They are copied, without a checksum.
+    pub damaged_attachments: u64,
+    /// Chunks that cannot be read, such as those of an unknown compression.
+    pub unreadable_chunks: u64,
+    /// True if bytes outside of chunks and attachments differ from those that were written.
+    pub has_other_damage: bool,
+}
+
+impl Recovered {
+    /// True if at most the unfinished end of the file was lost, and nothing before it is damaged.
+    pub fn is_clean(&self) -> bool {
+        let counts =
+            [self.missing_messages, self.damaged_chunks, self.damaged_attachments, self.unreadable_chunks];
+        let has_gap = self.was_whole && self.lost_bytes > 0;
+        counts.iter().all(|count| *count == 0) && !self.has_other_damage && !has_gap
+    }
+
+    /// The losses by their names, those that are not zero.
+    pub fn losses(&self) -> BTreeMap<String, String> {
+        let other = u64::from(self.has_other_damage);
+        let all = [
+            ("missing messages", self.missing_messages),
+            ("damaged chunks", self.damaged_chunks),
+            ("damaged attachments", self.damaged_attachments),
+            ("unreadable chunks", self.unreadable_chunks),
+            ("unreadable bytes", if self.is_clean() { 0 } else { self.lost_bytes }),
+            ("damage outside of chunks", other),
+        ];
+        let lost = all.into_iter().filter(|(_, count)| *count > 0);
+        lost.map(|(what, count)| (what.to_string(), count.to_string())).collect()
+    }
 }
 
 /// Writes what can be read of an MCAP file, of whichever writer, into a new one with its index and its end.
+///
+/// Reading continues behind damage at the next message or chunk. What was damaged gets no checksum in the new file, and the
+/// metadata record `recovered` lists the losses, so that readers of the new file still report them.
 ///
 /// ```no_run
 /// let recovered = motorium_bridges::recording::recover("torn.mcap".as_ref(), "whole.mcap".as_ref())?;
@@ -32,116 +76,206 @@ pub struct Recovered {
 /// ```
 ///
 /// # Errors
-/// One of the files cannot be read or written, or the first is no MCAP file or ends before it holds anything.
+/// One of the files cannot be read or written, or the first is not an MCAP file or ends before it holds anything.
 pub fn recover(torn: &Path, whole: &Path) -> Result<Recovered, ReadError> {
-    let format = |path: &Path| {
-        let path = path.to_path_buf();
-        move |reason| ReadError::Format { path, reason: Box::new(reason) }
-    };
     let io = |path: &Path| {
         let path = path.to_path_buf();
         move |reason| ReadError::Io { path, reason }
     };
-    let source = std::fs::read(torn).map_err(io(torn))?;
-    let mut records = ChunkFlattener::new_with_options(&source, Options::IgnoreEndMagic.into())
-        .map_err(format(torn))?
-        .peekable();
-    // A file that is none is found out before another is made.
-    if let Some(Err(_)) = records.peek()
-        && let Some(Err(error)) = records.next()
-    {
-        return Err(format(torn)(error));
-    }
-    let again = ChunkFlattener::new_with_options(&source, Options::IgnoreEndMagic.into());
-    let mut readable = again.map_err(format(torn))?.map_while(Result::ok);
-    if !readable.any(|record| !matches!(record, Record::Header(_))) {
-        let reason = if source.is_empty() { "it is empty".to_string() } else { cut_off(source.len()) };
-        return Err(ReadError::Missing { path: torn.to_path_buf(), reason });
+    let empty = |reason| ReadError::Missing { path: torn.to_path_buf(), reason };
+    let source = map_file(torn)?;
+    let summary = Summary::read(&source);
+    let mut records = Records::new(&source, &summary, true);
+    if !records.any(|record| !matches!(record, Record::Header(_) | Record::Footer(_))) {
+        return Err(empty(cut_off(source.len())));
     }
     let file = File::create(whole).map_err(io(whole))?;
-    let recovered = copy(records, file).map_err(|error| {
-        // Part of a recording with an end would look like all of it. What is no file, such as a device, stays.
+    let recovered = Copy::new(&source, &summary).write(file).map_err(|error| {
+        // Part of a recording with an end would look like all of it. What is not a file, such as a device, stays.
         if std::fs::symlink_metadata(whole).is_ok_and(|there| there.is_file()) {
             let _ = std::fs::remove_file(whole);
         }
-        format(whole)(error)
+        ReadError::Format { path: whole.to_path_buf(), reason: Box::new(error) }
     })?;
-    let lost_bytes = if recovered.was_whole { 0 } else { unread(&source) };
-    Ok(Recovered { lost_bytes, ..recovered })
+    Ok(recovered)
 }
 
-/// Bytes behind the last record at the top level that is complete.
-fn unread(source: &[u8]) -> u64 {
-    const MAGIC: usize = 8;
-    let mut place = MAGIC;
-    while let Some(length) = source.get(place + 1..).and_then(|rest| rest.first_chunk()) {
-        let end = usize::try_from(u64::from_le_bytes(*length))
-            .ok()
-            .and_then(|length| length.checked_add(place + 9));
-        match end {
-            Some(end) if end <= source.len() => place = end,
-            _ => break,
+/// A copy of the readable records of a file.
+struct Copy<'a> {
+    source: &'a [u8],
+    summary: &'a Summary,
+    recovered: Recovered,
+}
+
+impl<'a> Copy<'a> {
+    /// Finds what is damaged, before anything is written.
+    fn new(source: &'a [u8], summary: &'a Summary) -> Self {
+        let mut records = Records::new(source, summary, true);
+        let mut messages = 0;
+        for record in records.by_ref() {
+            messages += u64::from(matches!(record, Record::Message { .. }));
         }
+        let stated = summary.statistics.as_ref().map_or(0, |statistics| statistics.message_count);
+        let by_index = stated.saturating_sub(messages);
+        // Layouts that this version does not read do not matter here.
+        let missing = Scan::of_file(source, summary).map_or(by_index, |scan| scan.missing);
+        let damage = &records.damage;
+        let recovered = Recovered {
+            messages: 0,
+            lost_bytes: damage.skipped,
+            was_whole: records.is_whole,
+            missing_messages: missing.max(by_index),
+            damaged_chunks: damage.chunks.len() as u64,
+            damaged_attachments: damage.attachments.len() as u64,
+            unreadable_chunks: damage.unreadable.len() as u64,
+            has_other_damage: damage.has_other,
+        };
+        Self { source, summary, recovered }
     }
-    source.len().saturating_sub(place) as u64
+
+    fn write(mut self, file: File) -> Result<Recovered, McapError> {
+        let has_damage = !self.recovered.is_clean();
+        let position = Rc::new(Cell::new(0));
+        let output = Tracked { file: BufWriter::new(file), position: position.clone() };
+        let mut records = Records::new(self.source, self.summary, false);
+        let mut first = records.next();
+        let (profile, library) = match &first {
+            Some(Record::Header(header)) => (header.profile.clone(), header.library.clone()),
+            _ => (String::new(), String::new()),
+        };
+        // A sum over all data would cover what is damaged.
+        let options = WriteOptions::new()
+            .compression(None)
+            .profile(profile)
+            .library(library)
+            .calculate_data_section_crc(!has_damage)
+            .calculate_attachment_crcs(self.recovered.damaged_attachments == 0);
+        let mut writer = options.create(output)?;
+        let mut channels = Channels::new(self.summary);
+        let mut unsummed: Vec<Range<u64>> = Vec::new();
+        let mut damaged_since = None;
+        while let Some(record) = first.take().or_else(|| records.next()) {
+            // Messages of damaged chunks get chunks without a checksum.
+            if records.is_damaged() != damaged_since.is_some() {
+                writer.flush()?;
+                match damaged_since.take() {
+                    Some(start) => unsummed.push(start..position.get()),
+                    None => damaged_since = Some(position.get()),
+                }
+            }
+            match record {
+                Record::Schema { .. } | Record::Channel(_) => channels.define(&record, &mut writer)?,
+                Record::Message { mut header, data } => {
+                    let Some(channel) = channels.find(header.channel_id, &mut writer)? else { continue };
+                    header.channel_id = channel;
+                    writer.write_to_known_channel(&header, &data)?;
+                    self.recovered.messages += 1;
+                }
+                Record::Attachment { header, data, .. } => writer.attach(&Attachment {
+                    log_time: header.log_time,
+                    create_time: header.create_time,
+                    name: header.name,
+                    media_type: header.media_type,
+                    data,
+                })?,
+                Record::Metadata(metadata) => writer.write_metadata(&metadata)?,
+                _ => {}
+            }
+        }
+        if has_damage {
+            writer.write_metadata(&Metadata {
+                name: RECOVERED.to_string(),
+                metadata: self.recovered.losses(),
+            })?;
+        }
+        let indexes = writer.finish()?.chunk_indexes;
+        if let Some(start) = damaged_since {
+            unsummed.push(start..u64::MAX);
+        }
+        let file = writer.into_inner().file.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+        for chunk in indexes.iter().map(|index| index.chunk_start_offset) {
+            if unsummed.iter().any(|range| range.contains(&chunk)) {
+                // Behind the kind and the length of the record, its times and its size: 0 is no sum.
+                file.write_all_at(&[0; 4], chunk + 9 + 24)?;
+            }
+        }
+        file.sync_all()?;
+        Ok(self.recovered)
+    }
 }
 
-fn copy<'a>(
-    records: impl Iterator<Item = Result<Record<'a>, McapError>>,
-    file: File,
-) -> Result<Recovered, McapError> {
-    let mut recovered = Recovered::default();
-    let mut writer: Option<mcap::Writer<BufWriter<File>>> = None;
-    let mut output = Some(file);
-    let (mut schemas, mut channels) = (BTreeMap::from([(0, 0)]), BTreeMap::new());
-    // The first record that cannot be read is the unfinished one.
-    for record in records.map_while(Result::ok) {
-        if let (None, Some(file)) = (&writer, output.take()) {
-            let header = match &record {
-                Record::Header(header) => header.clone(),
-                _ => mcap::records::Header { profile: String::new(), library: String::new() },
-            };
-            let options =
-                WriteOptions::new().compression(None).profile(header.profile).library(header.library);
-            writer = Some(options.create(BufWriter::new(file))?);
-        }
-        let Some(writer) = &mut writer else { break };
+/// Numbers of the channels of a file in its copy.
+struct Channels<'a> {
+    summary: &'a Summary,
+    schemas: BTreeMap<u16, u16>,
+    channels: BTreeMap<u16, u16>,
+}
+
+impl<'a> Channels<'a> {
+    fn new(summary: &'a Summary) -> Self {
+        Self { summary, schemas: BTreeMap::from([(0, 0)]), channels: BTreeMap::new() }
+    }
+
+    fn define<W: Write + Seek>(
+        &mut self,
+        record: &Record<'_>,
+        writer: &mut mcap::Writer<W>,
+    ) -> Result<(), McapError> {
         match record {
             Record::Schema { header, data } => {
-                let id = writer.add_schema(&header.name, &header.encoding, &data)?;
-                schemas.insert(header.id, id);
+                let id = writer.add_schema(&header.name, &header.encoding, data)?;
+                self.schemas.insert(header.id, id);
             }
             Record::Channel(channel) => {
-                let Some(schema) = schemas.get(&channel.schema_id) else { continue };
+                let Some(schema) = self.schemas.get(&channel.schema_id) else { return Ok(()) };
                 let (topic, encoding) = (&channel.topic, &channel.message_encoding);
-                channels.insert(channel.id, writer.add_channel(*schema, topic, encoding, &channel.metadata)?);
-            }
-            Record::Message { mut header, data } => {
-                let Some(channel) = channels.get(&header.channel_id) else { continue };
-                header.channel_id = *channel;
-                writer.write_to_known_channel(&header, &data)?;
-                recovered.messages += 1;
-            }
-            Record::Attachment { header, data, .. } => writer.attach(&Attachment {
-                log_time: header.log_time,
-                create_time: header.create_time,
-                name: header.name,
-                media_type: header.media_type,
-                data,
-            })?,
-            Record::Metadata(metadata) => writer.write_metadata(&metadata)?,
-            // What follows repeats what was before.
-            Record::DataEnd(_) => {
-                recovered.was_whole = true;
-                break;
+                let id = writer.add_channel(*schema, topic, encoding, &channel.metadata)?;
+                self.channels.insert(channel.id, id);
             }
             _ => {}
         }
+        Ok(())
     }
-    if let Some(mut writer) = writer {
-        writer.finish()?;
-        let file = writer.into_inner().into_inner().map_err(std::io::IntoInnerError::into_error)?;
-        file.sync_all()?;
+
+    /// The number of a channel, which the end of the file defines if its chunk is damaged.
+    fn find<W: Write + Seek>(
+        &mut self,
+        channel: u16,
+        writer: &mut mcap::Writer<W>,
+    ) -> Result<Option<u16>, McapError> {
+        if !self.channels.contains_key(&channel) {
+            let summary = self.summary;
+            let is_other = |record: &&Record<'_>| !matches!(record, Record::Channel(it) if it.id != channel);
+            for record in summary.definitions.iter().filter(is_other) {
+                self.define(record, writer)?;
+            }
+        }
+        Ok(self.channels.get(&channel).copied())
     }
-    Ok(recovered)
+}
+
+/// A file whose writing position can be read from outside of its writer.
+struct Tracked {
+    file: BufWriter<File>,
+    position: Rc<Cell<u64>>,
+}
+
+impl Write for Tracked {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let written = self.file.write(bytes)?;
+        self.position.set(self.position.get() + written as u64);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Seek for Tracked {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        let position = self.file.seek(to)?;
+        self.position.set(position);
+        Ok(position)
+    }
 }

@@ -57,6 +57,9 @@ pub fn replayed(recording: &Recording, live: &[String], episode: Option<u64>) ->
         let episodes = if count == 1 { "one".to_string() } else { count.to_string() };
         return Err(missing(format!("it has no episode {episode}, but {episodes}, counted from 0")));
     }
+    if spans.count() == 0 {
+        return Err(missing("it has no sample to replay".to_string()));
+    }
     let names: Vec<String> = recorded.components.iter().map(|component| component.name.clone()).collect();
     let names: Vec<String> = names.into_iter().filter(|name| !live.contains(name)).collect();
     let mut plan = replaced(recording, &names)?;

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use mcap::McapError;
 
-use super::COUNTS;
 use super::batch::{Batch, Ring};
 use super::file::Writer;
 use super::settings::RecordError;
+use super::{COUNTS, KEPT};
 
 /// The file of a recorder. Of one that keeps the last moments only, what is written at the end.
 pub(super) struct Sink {
@@ -40,7 +40,7 @@ impl Sink {
 
     /// Ends the file with a summary; gives the bytes of its messages. One that was to keep the end of a bad run is removed after
     /// a good one.
-    pub(super) fn finish(mut self, summary: BTreeMap<String, String>) -> Result<u64, RecordError> {
+    pub(super) fn finish(mut self, mut summary: BTreeMap<String, String>) -> Result<u64, RecordError> {
         let failed = |path: PathBuf| move |source| RecordError::File { path, source };
         if let Some(ring) = self.ring.take() {
             if !self.has_failed {
@@ -50,6 +50,7 @@ impl Sink {
                 let removed = std::fs::remove_file(&path).map_err(McapError::from);
                 return removed.map(|()| bytes).map_err(failed(path));
             }
+            summary.insert(KEPT.to_string(), ring.span_ns.to_string());
             for (message, data) in &ring.messages {
                 message.write(data, &mut self.writer).map_err(|source| self.error(source))?;
             }

@@ -104,6 +104,15 @@ pub enum VerifyError {
          `--episodes N` can be verified"
     )]
     Episodes,
+    /// Messages that the recording states are missing.
+    #[error("{missing} of its messages are missing, so that it cannot be compared")]
+    Missing {
+        /// Their number.
+        missing: u64,
+    },
+    /// The recording has no sample.
+    #[error("it has no sample to compare")]
+    Nothing,
     /// Samples were lost while it was recorded.
     #[error(
         "{lost} samples of topic `{topic}` were lost while it was recorded, so that it cannot be compared"
@@ -145,6 +154,9 @@ pub fn verify(
     if plan.clock != ClockKind::Lockstep {
         return Err(VerifyError::RealTime);
     }
+    if recording.missing() > 0 {
+        return Err(VerifyError::Missing { missing: recording.missing() });
+    }
     for topic in recording.topics() {
         if let Some(lost) = recording.lost(&topic.name).filter(|lost| *lost > 0) {
             return Err(VerifyError::Lost { topic: topic.name.clone(), lost });
@@ -158,7 +170,11 @@ pub fn verify(
         .iter()
         .map(|topic| (topic.name.clone(), plan.components[topic.writer].period_ns()))
         .collect();
-    if Spans::of(recording, None)?.count() > episodes.map_or(1, |episodes| episodes.count) {
+    let recorded_episodes = Spans::of(recording, None)?.count();
+    if recorded_episodes == 0 {
+        return Err(VerifyError::Nothing);
+    }
+    if recorded_episodes > episodes.map_or(1, |episodes| episodes.count) {
         return Err(VerifyError::Episodes);
     }
     let mut session = Session::launch(plan, registry, &options)?;

@@ -113,8 +113,8 @@ impl Body {
     pub fn learn(seen: &Recordings) -> Result<Self, BodyError> {
         let spring = SampledSpring::new(WINDOW, DAMPING)?;
         let whole = MotionLibrary::build(seen, spring, Metric::Force, Truncation::All)?;
-        let part = |patterns: &str| -> Result<MotionLibrary, LayoutError> {
-            Ok(whole.split(&whole.layout().part(&format!("part={patterns}"))?))
+        let part = |patterns: &str| -> Result<MotionLibrary, BodyError> {
+            Ok(whole.split(&whole.layout().part(&format!("part={patterns}"))?)?)
         };
         let (left_arm, right_arm) = (part(LEFT_ARM)?, part(RIGHT_ARM)?);
         let (left_leg, right_leg) = (part(LEFT_LEG)?, part(RIGHT_LEG)?);

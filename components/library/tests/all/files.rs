@@ -75,7 +75,7 @@ fn a_torn_changed_or_foreign_file_is_refused_with_what_is_wrong() {
 #[test]
 fn a_head_that_claims_more_than_memory_holds_is_refused() {
     let whole = library(Metric::Force);
-    let part = whole.split(&whole.layout().part("part=leg").unwrap());
+    let part = whole.split(&whole.layout().part("part=leg").unwrap()).unwrap();
     for (library, refusal) in [(&whole, "its head: "), (&part, "section `basis`")] {
         let bytes = file::to_bytes(library);
         let head = usize::try_from(u64::from_le_bytes(bytes[24..32].try_into().unwrap())).unwrap();

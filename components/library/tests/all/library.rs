@@ -58,7 +58,7 @@ fn in_the_metric_of_position_the_response_is_approximated_best() {
 fn a_part_split_off_is_the_library_of_its_own_data() {
     let golden = golden();
     let whole = library(Metric::Force);
-    let arms = whole.split(&whole.layout().part("arms=l_*,r_*").unwrap());
+    let arms = whole.split(&whole.layout().part("arms=l_*,r_*").unwrap()).unwrap();
     assert_eq!(arms.layout().names(), ["l_arm", "r_arm"]);
     let known = numbers(&golden["singular_of_dofs_0_2"]);
     assert!(off(&arms.parts().singular, &known[..arms.rank()]) < 1e-12);
@@ -75,7 +75,7 @@ fn a_part_split_off_is_the_library_of_its_own_data() {
 fn parts_that_moved_together_merge_into_the_whole() {
     for metric in [Metric::Force, Metric::Position] {
         let whole = library(metric);
-        let part = |text: &str| whole.split(&whole.layout().part(text).unwrap());
+        let part = |text: &str| whole.split(&whole.layout().part(text).unwrap()).unwrap();
         let parts = [part("a=l_arm"), part("b=leg"), part("c=r_arm")];
         let merged = merge_parts(&parts.each_ref(), Truncation::All).unwrap();
         assert!(off(&merged.parts().singular, &whole.parts().singular) < 1e-12);
@@ -92,7 +92,7 @@ fn independent_parts_stand_side_by_side_in_the_order_of_their_singular_values() 
     let half = |text: &str, from: usize, to: usize| {
         let set = Recordings { names: set.names.clone(), trajectories: set.trajectories[from..to].to_vec() };
         let library = MotionLibrary::build(&set, spring(), Metric::Force, Truncation::All).unwrap();
-        library.split(&whole.layout().part(text).unwrap())
+        library.split(&whole.layout().part(text).unwrap()).unwrap()
     };
     let (arm, leg) = (half("a=l_arm", 0, 6), half("b=leg", 6, 14));
     let merged = merge_parts(&[&arm, &leg], Truncation::All).unwrap();
@@ -294,4 +294,14 @@ fn the_recorded_letters_have_the_spectrum_that_scipy_finds() {
     assert!(off(&along(Interpolation::Spline)[..5], &splines) < 1e-7);
     let lines = [0.591273441, 0.139937860, 0.065634982, 0.047563579, 0.037899571];
     assert!(off(&along(Interpolation::Linear)[..5], &lines) < 1e-7);
+}
+
+#[test]
+fn a_part_at_rest_is_refused_by_name() {
+    let mut resting = recordings(&golden());
+    resting.trajectories.iter_mut().for_each(|movement| movement.positions.column_mut(1).fill(0.0));
+    let whole = MotionLibrary::build(&resting, spring(), Metric::Force, Truncation::All).unwrap();
+    let refused = whole.split(&whole.layout().part("rest=leg").unwrap()).unwrap_err().to_string();
+    assert!(refused.starts_with("leg: at rest in all recordings"), "{refused}");
+    assert!(whole.split(&whole.layout().part("arms=l_*,r_*").unwrap()).is_ok());
 }

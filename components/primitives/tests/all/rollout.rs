@@ -156,3 +156,21 @@ fn overrides_that_a_primitive_does_not_have_are_refused() {
     let error = refused(&rhythm(), Override { duration: Some(1e9), ..Override::default() });
     assert!(error.contains("choose a lower rate"), "{error}");
 }
+
+#[test]
+fn places_that_contradict_each_other_are_refused() {
+    let via = |place: f64, deviation| ViaPoint { phase: 0.5, position: vec![place], deviation };
+    let both =
+        |deviation| Override { via: vec![via(0.55, deviation), via(0.6, deviation)], ..Override::default() };
+    let error = roll_out(&distribution(), &both(1e-4), 0.02).unwrap_err();
+    assert!(matches!(error, RolloutError::Unmet { phase: 0.5, dimension: 0, .. }), "{error}");
+    assert!(roll_out(&distribution(), &both(0.02), 0.02).is_ok());
+}
+
+#[test]
+fn the_work_of_a_movement_is_bounded_by_its_samples() {
+    let years = Override { duration: Some(2e9), ..Override::default() };
+    let moved = roll_out(&discrete(Variant::QuinticGoal), &years, 1e7).unwrap();
+    assert_eq!(moved.time.len(), 201);
+    assert!((moved.position[200][0] - 1.0).abs() < 5e-3, "{:?}", moved.position[200]);
+}

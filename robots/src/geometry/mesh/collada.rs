@@ -9,13 +9,17 @@ use super::{Fault, MeshProblem, TriangleMesh, number};
 
 /// Largest depth of nodes: a deeper scene instances itself.
 const DEEPEST: usize = 64;
+/// Most nodes and geometries of a scene, with every instance: nodes that instance one another twice double at each level.
+const MOST_INSTANCES: usize = 100_000;
+/// Most triangles, and most points, of a scene before its last instance.
+const MOST_TRIANGLES: usize = 4_000_000;
 
 pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     let options = ParsingOptions { allow_dtd: true, ..ParsingOptions::default() };
     let document = Document::parse_with_options(text, options)
         .map_err(|error| (error.pos().row, MeshProblem::Malformed(error.to_string())))?;
     let ids = document.descendants().filter_map(|node| Some((node.attribute("id")?, node))).collect();
-    let mut reader = Reader { document: &document, ids, mesh: TriangleMesh::default() };
+    let mut reader = Reader { document: &document, ids, mesh: TriangleMesh::default(), instances: 0 };
     let root = document.root_element();
     let unit = match child(root, "asset").and_then(|asset| child(asset, "unit")) {
         Some(unit) => match unit.attribute("meter") {
@@ -56,6 +60,8 @@ struct Reader<'a, 'i> {
     document: &'a Document<'i>,
     ids: HashMap<&'a str, Node<'a, 'i>>,
     mesh: TriangleMesh,
+    /// Instances of nodes and geometries so far.
+    instances: usize,
 }
 
 impl<'a, 'i> Reader<'a, 'i> {
@@ -92,6 +98,7 @@ impl<'a, 'i> Reader<'a, 'i> {
         if depth > DEEPEST {
             return Err(self.malformed(node, "nodes instance each other without end"));
         }
+        self.count(node)?;
         let mut pose = *parent;
         for element in node.children().filter(Node::is_element) {
             match element.tag_name().name() {
@@ -117,6 +124,20 @@ impl<'a, 'i> Reader<'a, 'i> {
         Ok(())
     }
 
+    /// Counts an instance of a node or a geometry.
+    fn count(&mut self, node: Node<'_, '_>) -> Result<(), Fault> {
+        self.instances += 1;
+        let size = self.mesh.triangles.len().max(self.mesh.points.len());
+        if self.instances > MOST_INSTANCES || size > MOST_TRIANGLES {
+            let most = format!(
+                "the scene has more than {MOST_INSTANCES} instances, or more than {MOST_TRIANGLES} triangles or points; \
+                 instance fewer nodes"
+            );
+            return Err(self.malformed(node, most));
+        }
+        Ok(())
+    }
+
     fn transformation(&self, element: Node<'_, '_>) -> Result<Matrix4<f64>, Fault> {
         let values = self.floats(element)?;
         match (element.tag_name().name(), &values[..]) {
@@ -138,6 +159,7 @@ impl<'a, 'i> Reader<'a, 'i> {
     }
 
     fn geometry(&mut self, geometry: Node<'a, 'i>, pose: &Matrix4<f64>) -> Result<(), Fault> {
+        self.count(geometry)?;
         let Some(mesh) = child(geometry, "mesh") else { return Ok(()) };
         for part in mesh.children().filter(Node::is_element) {
             if ["triangles", "polylist", "polygons"].contains(&part.tag_name().name()) {
@@ -212,5 +234,31 @@ impl<'a, 'i> Reader<'a, 'i> {
             Some(array) => self.floats(array),
             None => Err(self.malformed(source, "<source> without a <float_array>")),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nodes_that_double_each_other_are_refused() {
+        let scene = |levels: usize| {
+            let double = |k: usize| {
+                let instance = format!("<instance_node url=\"#n{}\"/>", k - 1);
+                format!("<node id=\"n{k}\">{instance}{instance}</node>")
+            };
+            let nodes: String = (1..levels).map(double).collect();
+            format!(
+                "<COLLADA><library_geometries><geometry id=\"g\"><mesh/></geometry></library_geometries><library_nodes>\
+                 <node id=\"n0\"><instance_geometry url=\"#g\"/></node>{nodes}</library_nodes><library_visual_scenes>\
+                 <visual_scene id=\"s\"><node><instance_node url=\"#n{}\"/></node></visual_scene></library_visual_scenes>\
+                 <scene><instance_visual_scene url=\"#s\"/></scene></COLLADA>",
+                levels - 1
+            )
+        };
+        assert!(parse(&scene(10)).is_ok());
+        let (_, problem) = parse(&scene(28)).unwrap_err();
+        assert!(problem.to_string().contains("more than 100000 instances"), "{problem}");
     }
 }

@@ -88,6 +88,13 @@ impl Log {
         let lines: Box<dyn BufRead> = if path == Path::new("-") {
             Box::new(std::io::stdin().lock())
         } else {
+            // A pipe or a device may have no end.
+            let metadata = std::fs::metadata(path).with_context(reading)?;
+            anyhow::ensure!(
+                metadata.is_file(),
+                "reading {}: it is a folder, a device or a pipe, expected a regular file; standard input is `-`",
+                path.display()
+            );
             Box::new(BufReader::new(File::open(path).with_context(reading)?))
         };
         let mut count = 0;

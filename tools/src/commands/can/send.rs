@@ -92,7 +92,7 @@ impl Send {
         if path.as_os_str() == "-" {
             std::io::stdin().lock().read_to_string(&mut text).context("reading standard input")?;
         } else {
-            text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+            text = crate::input::text(path)?;
         }
         let line = |(index, line): (usize, String)| {
             line.parse().map_err(|error| (format!("{}:{}: ", path.display(), index + 1), error))

@@ -29,6 +29,9 @@ fn mask(text: &str) -> Result<u32, String> {
     fits.ok_or_else(|| "expected a number of 1 to 29 bits, such as 0x1F".to_string())
 }
 
+/// Longest database, bytes.
+const LONGEST: u64 = 256 << 20;
+
 /// A database as a command uses it.
 pub(super) struct Interpreter(Option<Database>);
 
@@ -40,7 +43,8 @@ impl Words {
             errln!("{} {}: {cause}", crate::style::error("error:"), path.display());
             code
         };
-        let bytes = std::fs::read(path).map_err(|error| refuse(&error, exit::FAILED))?;
+        let bytes = motorium_recordings::read_bounded(path, LONGEST);
+        let bytes = bytes.map_err(|error| refuse(&error, exit::FAILED))?;
         // the names in old files are those of Western Windows, a byte a letter
         let text = String::from_utf8(bytes)
             .unwrap_or_else(|error| error.as_bytes().iter().map(|byte| char::from(*byte)).collect());

@@ -27,7 +27,7 @@ struct Table {
 /// the newest run.
 pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
     if let Some(path) = what.map(Path::new).filter(|path| path.is_file()) {
-        let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        let text = crate::input::text(path)?;
         let report: Report = serde_json::from_str(&text).with_context(|| {
             format!(
                 "{} is no report of a run; `motorium run GRAPH.toml --json > report.json` makes one (a graph file goes \

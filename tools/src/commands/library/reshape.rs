@@ -40,7 +40,7 @@ impl Split {
         let mut all = Vec::new();
         for part in parts {
             let path = self.output.join(format!("{}.library", part.name));
-            let split = library.split(&part);
+            let split = library.split(&part)?;
             super::write(&split, &path)?;
             if self.json {
                 all.push(super::summary(&split, Some(&path)));

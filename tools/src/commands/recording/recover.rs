@@ -1,15 +1,19 @@
-//! `motorium recover`: repairs a recording whose writer was interrupted.
+//! `motorium recover`: repairs a recording that is torn or damaged.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use motorium_bridges::recording::recover;
 
-use crate::out::outln;
+use crate::out::{errln, outln};
+use crate::{exit, style};
 
-/// Repair a recording that a power cut or a full disk has torn: everything up to the damage, with index and end.
+/// Repair a recording that a power cut or a full disk has torn, or whose bytes have changed.
 ///
-/// The torn file stays as it is.
+/// Writes everything that can be read into a new file with index and end; reading continues behind damage. The torn file stays
+/// as it is. Messages of damaged chunks are copied without a checksum, and the new file lists what is damaged or missing.
+///
+/// Exit code 7 if messages are missing or damaged; 0 if only the unfinished end was lost.
 ///
 /// Example: motorium recover torn.mcap --output whole.mcap
 #[derive(Debug, clap::Args)]
@@ -31,13 +35,18 @@ impl Recover {
             self.file.display()
         );
         let recovered = recover(&self.file, &output)?;
-        let what = if recovered.was_whole { "it was whole" } else { "its end was torn" };
-        outln!(
-            "{}: {} messages, {} bytes at the end unreadable ({what})",
-            output.display(),
-            recovered.messages,
-            recovered.lost_bytes
-        );
-        Ok(ExitCode::SUCCESS)
+        let is_torn = !recovered.was_whole;
+        let (file, messages, bytes) = (output.display(), recovered.messages, recovered.lost_bytes);
+        if recovered.is_clean() {
+            let what = if is_torn { "its end was torn" } else { "it was whole" };
+            outln!("{file}: {messages} messages, {bytes} bytes at the end unreadable ({what})");
+            return Ok(ExitCode::SUCCESS);
+        }
+        let torn = if is_torn { ", and its end was torn" } else { "" };
+        outln!("{file}: {messages} messages, {bytes} bytes unreadable (it was damaged{torn})");
+        let losses: Vec<String> =
+            recovered.losses().iter().map(|(what, count)| format!("{what}: {count}")).collect();
+        errln!("{} {} is damaged: {}", style::warning("warning:"), self.file.display(), losses.join(", "));
+        Ok(exit::incomplete())
     }
 }

@@ -1,13 +1,13 @@
 //! `motorium replay`: a recorded run once more.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use motorium::launcher::{Event, Exit, Hosting, Options};
-use motorium::plan::{ClockKind, Plan};
+use motorium::plan::{ClockKind, Plan, Program};
 use motorium::session::Session;
 use motorium::units::TimeSpan;
-use motorium_bridges::recording::{Recording, Verification, ease_in, replayed, verify};
+use motorium_bridges::recording::{Recording, Verification, ease_in, loggers, replaced, replayed, verify};
 
 use crate::out::{errln, out, outln};
 use crate::printer::Printer;
@@ -23,6 +23,8 @@ use crate::{exit, registry, report, style};
 ///
 /// `--verify` runs the graph in lockstep again, from its seed, and compares all that it publishes to the last bit: exit code 1
 /// at a difference, which is printed with its topic, time and field.
+///
+/// A recording names the programs of its components. Those that are not part of motorium run with `--allow-programs` only.
 ///
 /// Example: motorium replay out/a.mcap --verify
 #[derive(Debug, clap::Args)]
@@ -69,6 +71,9 @@ pub(crate) struct Replay {
         allow_hyphen_values = true
     )]
     ramp_down: TimeSpan,
+    /// Run the programs that the recording names, with your rights
+    #[arg(long)]
+    allow_programs: bool,
     /// Print the report as JSON on standard output
     #[arg(long)]
     json: bool,
@@ -81,8 +86,9 @@ impl Replay {
     }
 
     fn verify(&self, recording: &Recording) -> anyhow::Result<ExitCode> {
+        let plan = replaced(recording, &self.replace)?;
         let Verification { samples, time, difference } =
-            verify(recording, &registry::with_hidden(), &self.options(recording.plan()?)?, &self.replace)?;
+            verify(recording, &registry::with_hidden(), &self.options(&plan)?, &self.replace)?;
         let file = self.file.display();
         if self.json {
             let difference = difference.as_ref().map(ToString::to_string);
@@ -115,8 +121,8 @@ impl Replay {
             plan.clock = ClockKind::Realtime;
         }
         self.ease_in(&mut plan);
-        let mut options = self.options(plan.clone())?;
-        options.stand_in = motorium_bridges::recording::loggers(&plan);
+        let mut options = self.options(&plan)?;
+        options.stand_in = loggers(&plan);
         let mut printer = Printer::plain(self.json)?;
         let mut observe = |event: Event<'_>| printer.show(&event);
         let mut session = Session::observed(plan, &registry::with_hidden(), &options, &mut observe)?;
@@ -167,15 +173,36 @@ impl Replay {
     }
 
     /// One thread for all, unless a component has a program of its own.
-    fn options(&self, plan: Plan) -> anyhow::Result<Options> {
-        use motorium::plan::Program;
+    fn options(&self, plan: &Plan) -> anyhow::Result<Options> {
+        let own = std::env::current_exe()?;
+        for component in plan.components.iter().filter(|_| !self.allow_programs) {
+            let path = match &component.program {
+                Program::Exec { path } => path,
+                // Programs beside this one were installed with it.
+                Program::Sibling { path, .. } if !is_beside(path, &own) => path,
+                Program::Builtin { .. } | Program::Sibling { .. } => continue,
+            };
+            anyhow::bail!(
+                "{} names the program `{}` for component `{}`, which would run with your rights\n  help: `--allow-programs` \
+                 runs it",
+                self.file.display(),
+                path.display(),
+                component.name
+            );
+        }
         if self.realtime {
-            return Ok(Options::processes(std::env::current_exe()?));
+            return Ok(Options::processes(own));
         }
         let builtin = |program: &Program| matches!(program, Program::Builtin { .. });
         if plan.components.iter().all(|component| builtin(&component.program)) {
             return Ok(Options::inline());
         }
-        Ok(Options { hosting: Hosting::Processes, ..Options::processes(std::env::current_exe()?) })
+        Ok(Options { hosting: Hosting::Processes, ..Options::processes(own) })
     }
+}
+
+/// True if two programs are in the same folder, links resolved.
+fn is_beside(path: &Path, own: &Path) -> bool {
+    let folder = |path: &Path| path.canonicalize().ok()?.parent().map(Path::to_path_buf);
+    folder(path).is_some_and(|found| folder(own) == Some(found))
 }

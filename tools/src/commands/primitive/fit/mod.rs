@@ -23,7 +23,8 @@ use report::{Report, text};
 
 use super::plot;
 use crate::chart::Panel;
-use crate::out::{out, outln};
+use crate::out::{errln, out, outln};
+use crate::style;
 
 /// Fit a movement primitive to recordings of one movement: CSV, JSON or JSON lines.
 ///
@@ -199,11 +200,30 @@ impl Fit {
             .iter()
             .map(|file| motorium_recordings::read(file, &selection))
             .collect::<Result<_, _>>()?;
+        let mut continuous = Vec::new();
+        for (file, recording) in self.files.iter().zip(recordings) {
+            let (recording, removed) = recording.continuous();
+            for removed in removed {
+                errln!("{} {}: {removed}", style::warning("note:"), file.display());
+            }
+            continuous.push(recording);
+        }
+        let recordings = continuous;
         let names = recordings[0].names().to_vec();
         for (file, recording) in self.files.iter().zip(&recordings) {
             if recording.names().len() != names.len() {
                 let (found, expected) = (recording.names().len(), names.len());
                 bail!("{} has {found} channels, {} has {expected}", file.display(), self.files[0].display());
+            }
+        }
+        if self.model == Model::Rhythmic {
+            for (file, recording) in self.files.iter().zip(&recordings) {
+                if let Some(problem) = open_end(recording) {
+                    bail!(
+                        "{}: {problem}, expected whole periods: cut the recording, and give their number by --periods",
+                        file.display()
+                    );
+                }
             }
         }
         let (samples, periods) = (self.samples as usize, self.periods.unwrap_or(1) as usize);
@@ -298,6 +318,24 @@ impl Fit {
         let movement = PolynomialMovement::fit(&positions(shown), shown.duration, degree, lambda)?;
         Ok(PrimitiveFile::polynomial(shown.names.clone(), movement))
     }
+}
+
+/// Largest difference between the ends of a rhythm, as a part of its range.
+const OPEN: f64 = 0.1;
+
+/// The channel whose end differs from its start by more than a part of its range, and both values.
+fn open_end(recording: &Recording) -> Option<String> {
+    let (values, last) = (recording.values(), recording.samples() - 1);
+    let differs = |channel: &usize| {
+        let column = values.column(*channel);
+        let range = column.max() - column.min();
+        // One step of the recording may be missing: the last sample of a period is before the first of the next.
+        let step = (1..=last).map(|k| (column[k] - column[k - 1]).abs()).fold(0.0, f64::max);
+        (column[last] - column[0]).abs() > (OPEN * range).max(1.5 * step)
+    };
+    let channel = (0..values.ncols()).find(differs)?;
+    let (name, from, to) = (&recording.names()[channel], values[(0, channel)], values[(last, channel)]);
+    Some(format!("`{name}` begins at {from:.4} and ends at {to:.4}"))
 }
 
 fn positions(shown: &Shown) -> Vec<DMatrix<f64>> {

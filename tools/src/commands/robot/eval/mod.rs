@@ -54,8 +54,7 @@ impl Eval {
         let text = if self.states.as_os_str() == "-" {
             std::io::read_to_string(std::io::stdin()).context("reading standard input")?
         } else {
-            std::fs::read_to_string(&self.states)
-                .with_context(|| format!("reading {}", self.states.display()))?
+            crate::input::text(&self.states)?
         };
         let document: Value =
             serde_json::from_str(&text).with_context(|| format!("{} is not JSON", self.states.display()))?;

@@ -1,0 +1,193 @@
+//! The records in a chunk of an MCAP file, checked, and read around damage.
+
+use std::borrow::Cow;
+use std::io::Read;
+
+use mcap::read::parse_record;
+use mcap::records::{ChunkHeader, Record, op};
+
+use super::framing::Frame;
+
+/// Longest chunk that is decompressed \[bytes\]. Writers make chunks of a few megabytes; a few kilobytes can expand to gigabytes.
+const LONGEST: usize = 128 << 20;
+/// Bytes before the content of a record: its kind and its length.
+const HEAD: usize = 9;
+
+/// A chunk, decompressed and checked.
+#[derive(Debug, Clone)]
+pub(super) struct Chunk<'a> {
+    /// Times of its first and its last message, as its header states them, ns.
+    pub(super) times: (u64, u64),
+    content: Cow<'a, [u8]>,
+    position: usize,
+    /// Starts of the messages that the index of the chunk lists, in ascending order.
+    messages: Vec<usize>,
+    /// Bytes of the chunk differ from those that were written.
+    pub(super) is_damaged: bool,
+    /// The end of the chunk is missing: its writer was interrupted, or the file was cut.
+    pub(super) is_open: bool,
+    /// Reason for which the chunk cannot be read.
+    pub(super) unreadable: Option<String>,
+    /// Bytes that belong to no record.
+    pub(super) skipped: u64,
+}
+
+impl<'a> Chunk<'a> {
+    /// Opens the chunk of a record; `indexes` are the records between it and the next chunk.
+    pub(super) fn open(frame: &Frame<'a>, indexes: &[u8]) -> Self {
+        let mut chunk = Self {
+            times: (0, 0),
+            content: Cow::Borrowed(&[]),
+            position: 0,
+            messages: Vec::new(),
+            is_damaged: false,
+            is_open: false,
+            unreadable: None,
+            skipped: 0,
+        };
+        let Some((header, stored)) = split(frame.body) else {
+            (chunk.is_damaged, chunk.skipped) = (true, frame.body.len() as u64);
+            return chunk;
+        };
+        chunk.times = (header.message_start_time, header.message_end_time);
+        // The writer fills in the sizes when it ends the chunk.
+        let is_unfinished = header.compressed_size == u64::MAX && header.uncompressed_size == u64::MAX;
+        let is_short = (stored.len() as u64) < header.compressed_size;
+        chunk.is_open = is_unfinished || (frame.is_cut && frame.is_last && is_short);
+        chunk.is_damaged = frame.is_cut && !chunk.is_open;
+        match decompress(&header, stored) {
+            Ok((content, is_whole)) => {
+                chunk.content = content;
+                chunk.is_damaged |= !is_whole && !chunk.is_open;
+            }
+            Err(reason) => chunk.unreadable = Some(reason),
+        }
+        let is_summed = header.uncompressed_crc != 0 && !chunk.is_open && chunk.unreadable.is_none();
+        chunk.is_damaged |= is_summed && crc32fast::hash(&chunk.content) != header.uncompressed_crc;
+        if chunk.is_damaged || !is_summed {
+            chunk.messages = listed(indexes, chunk.content.len());
+        }
+        chunk
+    }
+
+    /// The end of the record at a place, if its kind and its length are plausible.
+    fn framed(&self, start: usize) -> Option<usize> {
+        let kind = *self.content.get(start)?;
+        let length = u64::from_le_bytes(*self.content.get(start + 1..)?.first_chunk()?);
+        let end = usize::try_from(length).ok()?.checked_add(start + HEAD)?;
+        let is_known = matches!(kind, op::SCHEMA | op::CHANNEL | op::MESSAGE) || kind >= 0x80;
+        (is_known && end <= self.content.len()).then_some(end)
+    }
+
+    /// The start of the first listed message behind a place.
+    fn next_message(&self, start: usize) -> Option<usize> {
+        self.messages.get(self.messages.partition_point(|message| *message <= start)).copied()
+    }
+
+    /// The end of the record at a place, if all records from there to the next listed message fit between.
+    fn end(&self, start: usize) -> Option<usize> {
+        let end = self.framed(start)?;
+        let Some(next) = self.next_message(start) else { return Some(end) };
+        let mut place = end;
+        while place < next {
+            // All messages are listed: between them are definitions.
+            place = self.framed(place).filter(|_| self.content[place] != op::MESSAGE)?;
+        }
+        (place == next).then_some(end)
+    }
+
+    /// The next record.
+    pub(super) fn next(&mut self) -> Option<Record<'a>> {
+        while self.position < self.content.len() {
+            let start = self.position;
+            let end = self.end(start);
+            let record = end.and_then(|end| self.parsed(start, end));
+            match (end, record) {
+                (Some(end), Some(record)) => {
+                    self.position = end;
+                    return Some(record);
+                }
+                (Some(end), None) => self.position = end,
+                (None, _) => self.position = self.next_message(start).unwrap_or(self.content.len()),
+            }
+            self.is_damaged |= !self.is_open;
+            self.skipped += (self.position - start) as u64;
+        }
+        None
+    }
+
+    fn parsed(&self, start: usize, end: usize) -> Option<Record<'a>> {
+        let kind = self.content[start];
+        match &self.content {
+            Cow::Borrowed(content) => parse_record(kind, &content[start + HEAD..end]).ok(),
+            Cow::Owned(content) => {
+                parse_record(kind, &content[start + HEAD..end]).ok().map(Record::into_owned)
+            }
+        }
+    }
+}
+
+/// The header of a chunk and its stored bytes.
+fn split(body: &[u8]) -> Option<(ChunkHeader, &[u8])> {
+    let number = |start: usize| Some(u64::from_le_bytes(*body.get(start..)?.first_chunk()?));
+    let short = |start: usize| Some(u32::from_le_bytes(*body.get(start..)?.first_chunk()?));
+    let name = short(28)? as usize;
+    let compression = String::from_utf8_lossy(body.get(32..32usize.checked_add(name)?)?).into_owned();
+    let header = ChunkHeader {
+        message_start_time: number(0)?,
+        message_end_time: number(8)?,
+        uncompressed_size: number(16)?,
+        uncompressed_crc: short(24)?,
+        compression,
+        compressed_size: number(32 + name)?,
+    };
+    let stored = body.get(40 + name..)?;
+    let length = usize::try_from(header.compressed_size).unwrap_or(usize::MAX).min(stored.len());
+    Some((header, &stored[..length]))
+}
+
+/// The content of a chunk, and whether it has the stated size.
+fn decompress<'a>(header: &ChunkHeader, stored: &'a [u8]) -> Result<(Cow<'a, [u8]>, bool), String> {
+    let size = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
+    if header.compression.is_empty() {
+        return Ok((Cow::Borrowed(stored), stored.len() == size));
+    }
+    let is_open = size == usize::MAX;
+    if size > LONGEST && !is_open {
+        return Err(format!("a compressed chunk of {size} bytes, expected at most {LONGEST}"));
+    }
+    let mut content = Vec::new();
+    // One byte more shows that the chunk is longer than stated.
+    let limit = size.min(LONGEST) as u64 + 1;
+    let read = match header.compression.as_str() {
+        "zstd" => match ruzstd::decoding::StreamingDecoder::new(stored) {
+            Ok(decoder) => decoder.take(limit).read_to_end(&mut content),
+            Err(_) => return Ok((Cow::Owned(content), false)),
+        },
+        "lz4" => lz4_flex::frame::FrameDecoder::new(stored).take(limit).read_to_end(&mut content),
+        other => return Err(format!("a chunk compressed by `{other}`, expected `zstd`, `lz4` or none")),
+    };
+    let is_whole = read.is_ok() && content.len() == size;
+    content.truncate(size.min(LONGEST));
+    Ok((Cow::Owned(content), is_whole))
+}
+
+/// The starts of the messages that the indexes of a chunk list, below the length of the chunk.
+fn listed(mut records: &[u8], length: usize) -> Vec<usize> {
+    let mut starts = Vec::new();
+    while let Some((&kind, rest)) = records.split_first()
+        && let Some((bytes, rest)) = rest.split_first_chunk::<8>()
+        && let Ok(size) = usize::try_from(u64::from_le_bytes(*bytes))
+        && let Some((body, rest)) = rest.split_at_checked(size)
+    {
+        if kind == op::MESSAGE_INDEX && body.len() >= 6 {
+            let entries = body[6..].chunks_exact(16).filter_map(|entry| entry.last_chunk::<8>());
+            starts.extend(entries.filter_map(|start| usize::try_from(u64::from_le_bytes(*start)).ok()));
+        }
+        records = rest;
+    }
+    starts.retain(|start| *start < length);
+    starts.sort_unstable();
+    starts.dedup();
+    starts
+}

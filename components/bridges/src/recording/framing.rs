@@ -1,0 +1,220 @@
+//! Records at the top level of an MCAP file, found in spite of damaged lengths.
+//!
+//! A damaged length would otherwise hide everything behind it. The framing continues at the next chunk: one that the index at
+//! the end of the file lists, or, without an index, the next bytes whose lengths agree as those of a chunk do.
+
+use mcap::MAGIC;
+use mcap::read::parse_record;
+use mcap::records::{Record, op};
+
+/// Bytes before the content of a record: its kind and its length.
+const HEAD: usize = 9;
+/// Bytes of the header of a chunk without the name of its compression.
+const CHUNK_HEADER: usize = 40;
+
+/// A record at the top level: its kind and its content.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Frame<'a> {
+    pub(super) kind: u8,
+    pub(super) body: &'a [u8],
+    /// Start of the record in the file.
+    pub(super) start: usize,
+    /// End of the record in the file.
+    pub(super) end: usize,
+    /// The file ends with the record.
+    pub(super) is_last: bool,
+    /// The length of the record is damaged or was never written; the content ends where the next record or the file does.
+    pub(super) is_cut: bool,
+}
+
+/// Walks through the records at the top level.
+#[derive(Debug, Clone)]
+pub(super) struct Frames<'a> {
+    file: &'a [u8],
+    position: usize,
+    /// Starts of the chunks that the index lists, in ascending order.
+    chunks: &'a [usize],
+    /// Bytes that belong to no record.
+    pub(super) skipped: u64,
+    /// The footer was reached.
+    pub(super) has_footer: bool,
+}
+
+impl<'a> Frames<'a> {
+    /// The records of a file whose index, if there is one, lists these chunks.
+    pub(super) fn new(file: &'a [u8], chunks: &'a [usize]) -> Self {
+        Self { file, position: MAGIC.len().min(file.len()), chunks, skipped: 0, has_footer: false }
+    }
+
+    /// The end of a record that starts at `start`, if its kind and its length are plausible.
+    fn framed(&self, start: usize) -> Option<usize> {
+        let (kind, length) = head(self.file, start)?;
+        let end = (start + HEAD).checked_add(length).filter(|end| *end <= self.file.len())?;
+        let is_plausible = match kind {
+            op::CHUNK => chunk_length(&self.file[start + HEAD..]) == Some(length),
+            op::FOOTER => length == 20,
+            op::DATA_END => length == 4,
+            _ => true,
+        };
+        if !is_plausible || (kind != op::CHUNK && self.is_listed(start)) {
+            return None;
+        }
+        // A record across the start of a chunk has a damaged length.
+        let next = self.chunks.partition_point(|chunk| *chunk <= start);
+        self.chunks.get(next).is_none_or(|chunk| end <= *chunk).then_some(end)
+    }
+
+    fn frame(&self, kind: u8, start: usize, end: usize, is_cut: bool) -> Frame<'a> {
+        let body = self.file.get(start + HEAD..end).unwrap_or_default();
+        Frame { kind, body, start, end, is_last: end == self.file.len(), is_cut }
+    }
+
+    /// True if the index lists a chunk that starts here.
+    fn is_listed(&self, start: usize) -> bool {
+        self.chunks.binary_search(&start).is_ok()
+    }
+
+    /// The start of the next record behind damage at `start`.
+    fn resume(&self, start: usize) -> Option<usize> {
+        let next = self.chunks.partition_point(|chunk| *chunk <= start);
+        if let Some(chunk) = self.chunks.get(next) {
+            return Some(*chunk);
+        }
+        // Two records in a row, or the end of the file: bytes of a message rarely look like that.
+        let is_next = |start: &usize| {
+            if is_open_chunk(self.file, *start) {
+                return true;
+            }
+            let is_landmark = matches!(self.file[*start], op::CHUNK | op::DATA_END);
+            let end = is_landmark.then(|| self.framed(*start)).flatten();
+            end.is_some_and(|end| {
+                end == self.file.len() || self.framed(end).is_some() || is_open_chunk(self.file, end)
+            })
+        };
+        (start + 1..self.file.len()).find(is_next)
+    }
+}
+
+impl<'a> Iterator for Frames<'a> {
+    type Item = Frame<'a>;
+
+    fn next(&mut self) -> Option<Frame<'a>> {
+        while !self.has_footer && self.position < self.file.len() {
+            let start = self.position;
+            if let Some(end) = self.framed(start) {
+                self.position = end;
+                let kind = self.file[start];
+                self.has_footer = kind == op::FOOTER;
+                return Some(self.frame(kind, start, end, false));
+            }
+            // A chunk states its length twice: in its record and in its header.
+            let body = self.file.get(start + HEAD..).unwrap_or_default();
+            let is_chunk = self.is_listed(start) || self.file[start] == op::CHUNK;
+            let stated = chunk_length(body).filter(|length| is_chunk && *length <= body.len());
+            let stated = stated.map(|length| start + HEAD + length);
+            let resumed = match stated.filter(|end| *end == self.file.len() || self.framed(*end).is_some()) {
+                Some(end) => Some(end),
+                None => self.resume(start),
+            };
+            let end = resumed.unwrap_or(self.file.len());
+            self.position = end;
+            if is_chunk && chunk_length(body).is_some() {
+                return Some(self.frame(op::CHUNK, start, end, true));
+            }
+            self.skipped += (end - start) as u64;
+        }
+        None
+    }
+}
+
+/// Kind and length of the record at a place.
+fn head(file: &[u8], start: usize) -> Option<(u8, usize)> {
+    let kind = *file.get(start)?;
+    let length = u64::from_le_bytes(*file.get(start + 1..)?.first_chunk()?);
+    let is_known = (op::HEADER..=op::DATA_END).contains(&kind) || kind >= 0x80;
+    is_known.then(|| (kind, usize::try_from(length).unwrap_or(usize::MAX)))
+}
+
+/// Length of a chunk as its header states it; `usize::MAX` if it was never written, `None` if the header is not one of a chunk.
+fn chunk_length(body: &[u8]) -> Option<usize> {
+    let name = u32::from_le_bytes(*body.get(28..)?.first_chunk()?) as usize;
+    if name > 16 {
+        return None;
+    }
+    let stored = u64::from_le_bytes(*body.get(32 + name..)?.first_chunk()?);
+    let name_is_text = body[32..32 + name].iter().all(u8::is_ascii_alphanumeric);
+    name_is_text.then(|| usize::try_from(stored).unwrap_or(usize::MAX).saturating_add(CHUNK_HEADER + name))
+}
+
+/// A chunk that its writer has begun and not ended: its lengths have placeholders.
+fn is_open_chunk(file: &[u8], start: usize) -> bool {
+    head(file, start).is_some_and(|(kind, length)| kind == op::CHUNK && length == usize::MAX)
+}
+
+/// The end of a file: definitions, counts and index, as far as they are there and undamaged.
+#[derive(Debug, Default)]
+pub(super) struct Summary {
+    /// Schemas and channels, as records.
+    pub(super) definitions: Vec<Record<'static>>,
+    pub(super) statistics: Option<mcap::records::Statistics>,
+    /// Starts of the chunks, in ascending order.
+    pub(super) chunks: Vec<usize>,
+    /// The footer is there.
+    pub(super) has_footer: bool,
+    /// Bytes of the summary differ from those that were written.
+    pub(super) is_damaged: bool,
+}
+
+impl Summary {
+    /// Reads it from the end of a file.
+    pub(super) fn read(file: &[u8]) -> Self {
+        const FOOTER: usize = HEAD + 20;
+        let mut summary = Self::default();
+        let footer = file
+            .len()
+            .checked_sub(FOOTER + MAGIC.len())
+            .filter(|start| file.ends_with(MAGIC) && head(file, *start) == Some((op::FOOTER, FOOTER - HEAD)));
+        let Some(footer) = footer else { return summary };
+        let Ok(Record::Footer(facts)) = parse_record(op::FOOTER, &file[footer + HEAD..footer + FOOTER])
+        else {
+            return summary;
+        };
+        summary.has_footer = true;
+        let start = usize::try_from(facts.summary_start).unwrap_or(usize::MAX);
+        if start == 0 {
+            return summary;
+        }
+        if start > footer || start < MAGIC.len() {
+            summary.is_damaged = true;
+            return summary;
+        }
+        // The sum covers the summary and the footer up to the sum.
+        let covered = &file[start..footer + FOOTER - 4];
+        if facts.summary_crc != 0 && crc32fast::hash(covered) != facts.summary_crc {
+            summary.is_damaged = true;
+            return summary;
+        }
+        let mut place = start;
+        while place < footer
+            && let Some((kind, length)) = head(file, place)
+            && let Some(end) = (place + HEAD).checked_add(length).filter(|end| *end <= footer)
+        {
+            if matches!(kind, op::SCHEMA | op::CHANNEL | op::STATISTICS | op::CHUNK_INDEX)
+                && let Ok(record) = parse_record(kind, &file[place + HEAD..end])
+            {
+                match record {
+                    Record::Statistics(statistics) => summary.statistics = Some(statistics),
+                    Record::ChunkIndex(index) => {
+                        let chunk = usize::try_from(index.chunk_start_offset).unwrap_or(usize::MAX);
+                        summary.chunks.push(chunk);
+                    }
+                    other => summary.definitions.push(other.into_owned()),
+                }
+            }
+            place = end;
+        }
+        summary.chunks.sort_unstable();
+        summary.chunks.dedup();
+        summary
+    }
+}

@@ -1,0 +1,283 @@
+//! All records of an MCAP file, at the top level and in chunks, and what of them is damaged.
+
+use mcap::MAGIC;
+use mcap::read::parse_record;
+use mcap::records::{Record, op};
+
+use super::chunks::Chunk;
+use super::framing::{Frame, Frames, Summary};
+
+/// Damage that was found while the records of a file were read.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Damage {
+    /// Times of the first and the last message of each chunk whose bytes differ from those that were written, ns.
+    pub(super) chunks: Vec<(u64, u64)>,
+    /// Names of the attachments whose bytes differ from those that were written.
+    pub(super) attachments: Vec<String>,
+    /// Chunks that cannot be read, and the reasons.
+    pub(super) unreadable: Vec<String>,
+    /// Bytes that belong to no record.
+    pub(super) skipped: u64,
+    /// Bytes outside of chunks and attachments differ from those that were written.
+    pub(super) has_other: bool,
+}
+
+impl Damage {
+    /// True if something other than the end of the file is damaged.
+    pub(super) fn is_any(&self) -> bool {
+        let Self { chunks, attachments, unreadable, has_other, .. } = self;
+        !chunks.is_empty() || !attachments.is_empty() || !unreadable.is_empty() || *has_other
+    }
+}
+
+/// Walks through all records in the order of the file, around damage.
+#[derive(Debug)]
+pub(super) struct Records<'a> {
+    file: &'a [u8],
+    frames: Frames<'a>,
+    /// A record that was read ahead.
+    next: Option<Frame<'a>>,
+    chunk: Option<Chunk<'a>>,
+    /// Number of chunks so far.
+    pub(super) chunks: usize,
+    pub(super) damage: Damage,
+    /// The end of the data was reached.
+    pub(super) is_whole: bool,
+    /// The sum of all data is compared with the one in the file.
+    checks_all: bool,
+}
+
+impl<'a> Records<'a> {
+    /// The records of a file. With `checks_all` also the sum of all data is compared.
+    pub(super) fn new(file: &'a [u8], summary: &'a Summary, checks_all: bool) -> Self {
+        Self {
+            file,
+            frames: Frames::new(file, &summary.chunks),
+            next: None,
+            chunk: None,
+            chunks: 0,
+            damage: Damage { has_other: summary.is_damaged, ..Damage::default() },
+            is_whole: summary.has_footer,
+            checks_all,
+        }
+    }
+
+    /// True if the newest record comes from a damaged chunk.
+    pub(super) fn is_damaged(&self) -> bool {
+        self.chunk.as_ref().is_some_and(|chunk| chunk.is_damaged)
+    }
+
+    fn close_chunk(&mut self) {
+        let Some(chunk) = self.chunk.take() else { return };
+        self.damage.skipped += chunk.skipped;
+        if chunk.is_damaged {
+            self.damage.chunks.push(chunk.times);
+        }
+        self.damage.unreadable.extend(chunk.unreadable);
+    }
+
+    fn open_chunk(&mut self, frame: &Frame<'a>) {
+        let mut end = frame.end;
+        // The index of a chunk follows it.
+        while let Some(next) = self.frames.next() {
+            if next.kind != op::MESSAGE_INDEX {
+                self.next = Some(next);
+                break;
+            }
+            end = next.end;
+        }
+        self.chunk = Some(Chunk::open(frame, &self.file[frame.end..end]));
+        self.chunks += 1;
+    }
+
+    fn end(&mut self, body: &[u8], start: usize) {
+        self.is_whole = true;
+        let stated = body.first_chunk().map_or(0, |sum| u32::from_le_bytes(*sum));
+        let is_clean = !self.damage.is_any() && self.damage.skipped == 0 && self.frames.skipped == 0;
+        if !self.checks_all || stated == 0 || !is_clean {
+            return;
+        }
+        // Writers differ in whether the sum covers the first bytes of the file.
+        let mut with_magic = crc32fast::Hasher::new();
+        with_magic.update(MAGIC);
+        let mut data = crc32fast::Hasher::new();
+        data.update(&self.file[MAGIC.len()..start]);
+        with_magic.combine(&data);
+        self.damage.has_other = with_magic.finalize() != stated && data.finalize() != stated;
+    }
+}
+
+impl<'a> Iterator for Records<'a> {
+    type Item = Record<'a>;
+
+    fn next(&mut self) -> Option<Record<'a>> {
+        loop {
+            if let Some(chunk) = &mut self.chunk {
+                if let Some(record) = chunk.next() {
+                    return Some(record);
+                }
+                self.close_chunk();
+            }
+            let Some(frame) = self.next.take().or_else(|| self.frames.next()) else {
+                self.is_whole |= self.frames.has_footer;
+                self.damage.skipped += std::mem::take(&mut self.frames.skipped);
+                return None;
+            };
+            match frame.kind {
+                op::CHUNK => self.open_chunk(&frame),
+                op::ATTACHMENT => {
+                    let (record, is_damaged) = attachment(frame.body);
+                    if let Some(record) = record {
+                        if let (Record::Attachment { header, .. }, true) = (&record, is_damaged) {
+                            self.damage.attachments.push(header.name.clone());
+                        }
+                        return Some(record);
+                    }
+                    self.damage.has_other = true;
+                    self.damage.skipped += (frame.end - frame.start) as u64;
+                }
+                kind => {
+                    if kind == op::DATA_END {
+                        self.end(frame.body, frame.start);
+                    }
+                    if let Ok(record) = parse_record(kind, frame.body) {
+                        return Some(record);
+                    }
+                    self.damage.has_other = true;
+                    self.damage.skipped += (frame.end - frame.start) as u64;
+                }
+            }
+        }
+    }
+}
+
+/// An attachment, and true if its bytes differ from those that were written. `None` if its lengths do not agree.
+fn attachment(body: &[u8]) -> (Option<Record<'_>>, bool) {
+    if !attachment_fits(body) {
+        return (None, true);
+    }
+    if let Ok(record) = parse_record(op::ATTACHMENT, body) {
+        return (Some(record), false);
+    }
+    // Without a sum the parser accepts what is there.
+    let mut unsummed = body.to_vec();
+    let end = unsummed.len() - 4;
+    unsummed[end..].fill(0);
+    (parse_record(op::ATTACHMENT, &unsummed).ok().map(Record::into_owned), true)
+}
+
+/// True if the lengths in an attachment add up to its own: the parser relies on it.
+fn attachment_fits(body: &[u8]) -> bool {
+    let text = |start: usize| {
+        let length = u32::from_le_bytes(*body.get(start..)?.first_chunk()?) as usize;
+        start.checked_add(4 + length).filter(|end| *end <= body.len())
+    };
+    let data = |start: usize| {
+        let length = usize::try_from(u64::from_le_bytes(*body.get(start..)?.first_chunk()?)).ok()?;
+        start.checked_add(8)?.checked_add(length)
+    };
+    text(16).and_then(text).and_then(data).and_then(|end| end.checked_add(4)) == Some(body.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use mcap::records::MessageHeader;
+    use mcap::{Compression, WriteOptions};
+
+    use super::*;
+
+    /// A file of 300 messages in several chunks, and the starts of its chunks.
+    fn file(compression: Option<Compression>) -> (Vec<u8>, Vec<usize>) {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let options = WriteOptions::new().compression(compression).chunk_size(Some(2000));
+        let mut writer = options.create(&mut bytes).unwrap();
+        let schema = writer.add_schema("numbers", "protobuf", b"").unwrap();
+        let channel = writer.add_channel(schema, "numbers", "protobuf", &BTreeMap::new()).unwrap();
+        for sequence in 0..300_u32 {
+            let time = u64::from(sequence);
+            let header = MessageHeader { channel_id: channel, sequence, log_time: time, publish_time: time };
+            writer.write_to_known_channel(&header, &[sequence as u8; 40]).unwrap();
+        }
+        writer.finish().unwrap();
+        drop(writer);
+        let bytes = bytes.into_inner();
+        let chunks = Summary::read(&bytes).chunks;
+        assert!(chunks.len() > 5);
+        (bytes, chunks)
+    }
+
+    fn messages(bytes: &[u8]) -> (Vec<u32>, Damage) {
+        let summary = Summary::read(bytes);
+        let mut records = Records::new(bytes, &summary, true);
+        let mut found = Vec::new();
+        for record in records.by_ref() {
+            if let Record::Message { header, .. } = record {
+                found.push(header.sequence);
+            }
+        }
+        (found, records.damage)
+    }
+
+    /// Lengths and contents of records in chunks, with the index of the file and without.
+    #[test]
+    fn one_flipped_bit_loses_at_most_one_message() {
+        let (whole, chunks) = file(None);
+        assert_eq!(messages(&whole).0.len(), 300);
+        for at in chunks[1]..chunks[2] {
+            for bit in [1, 0x10, 0x40, 0x80] {
+                let mut bytes = whole.clone();
+                bytes[at] ^= bit;
+                let (found, damage) = messages(&bytes);
+                assert!(found.len() >= 299, "{} messages, bit {bit} of byte {at}", found.len());
+                assert!(damage.is_any() || damage.skipped > 0, "bit {bit} of byte {at} is not noticed");
+            }
+        }
+    }
+
+    #[test]
+    fn flips_anywhere_are_noticed() {
+        let (whole, _) = file(None);
+        let clean = messages(&whole);
+        assert!(!clean.1.is_any() && clean.1.skipped == 0);
+        for at in MAGIC.len()..whole.len() - MAGIC.len() {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0x04;
+            let summary = Summary::read(&bytes);
+            let mut records = Records::new(&bytes, &summary, true);
+            records.by_ref().for_each(drop);
+            let damage = &records.damage;
+            let has_end = records.is_whole && summary.has_footer;
+            assert!(damage.is_any() || damage.skipped > 0 || !has_end, "byte {at} of {}", whole.len());
+        }
+    }
+
+    #[test]
+    fn without_an_index_reading_continues_at_the_next_chunk() {
+        let (whole, chunks) = file(None);
+        let per_chunk = 300 / chunks.len();
+        // The footer is cut off, and the length of a chunk is damaged in both places.
+        let mut bytes = whole[..whole.len() - 20].to_vec();
+        bytes[chunks[1] + 1 + 3] ^= 0x20;
+        bytes[chunks[1] + 9 + 32 + 3] ^= 0x20;
+        let (found, _) = messages(&bytes);
+        assert!(found.len() + 2 * per_chunk >= 300, "{} messages", found.len());
+        assert_eq!(found.last(), Some(&299));
+    }
+
+    #[test]
+    fn an_unfinished_chunk_is_read_to_its_end() {
+        let (whole, chunks) = file(None);
+        let last = *chunks.last().unwrap();
+        let all = messages(&whole[..last]).0.len();
+        let mut bytes = whole.clone();
+        bytes[last + 1..last + 9].fill(0xff);
+        bytes[last + 9 + 16..last + 9 + 28].fill(0xff);
+        bytes[last + 9 + 32..last + 9 + 40].fill(0xff);
+        bytes.truncate(last + 9 + 40 + 3 * 71 + 30);
+        let (found, damage) = messages(&bytes);
+        assert_eq!(found.len(), all + 3);
+        assert!(!damage.is_any() && damage.skipped == 30, "{damage:?}");
+    }
+}

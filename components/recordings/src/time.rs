@@ -1,0 +1,107 @@
+//! Units of time: named by a column, or recognised by the size of its numbers.
+
+use crate::error::{Place, RecordingError};
+use crate::names::Clock;
+
+/// Unit of the numbers of a time column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Unit {
+    /// The name of the column states it, s.
+    Named(f64),
+    /// The size of the numbers shows it.
+    Recognised,
+}
+
+/// Seconds since 1970 of the years 2001 to 2286; 10^3, 10^6 and 10^9 times as much in ms, us and ns.
+const SINCE_1970: std::ops::Range<f64> = 1e9..1e10;
+/// Intervals from which on numbers without a unit are not taken for seconds: movements are sampled faster.
+const SLOW: f64 = 5.0;
+/// The same of a recording of this length or more, which would be long for so few samples.
+const SLOW_AND_LONG: (f64, f64) = (1.0, 60.0);
+/// Largest interval in a recording, in usual intervals and in s: more is a clock that was set.
+const LARGEST_GAP: (f64, f64) = (1000.0, 60.0);
+
+/// The unit of the numbers \[s\].
+fn unit(clock: Clock, numbers: &[(Place, f64)]) -> Result<f64, RecordingError> {
+    let unit = match clock {
+        Clock::Rate(_) => return Ok(1.0),
+        Clock::Time(_, unit) | Clock::Step(_, unit) => unit,
+    };
+    let Unit::Recognised = unit else {
+        let Unit::Named(seconds) = unit else { return Ok(1.0) };
+        return Ok(seconds);
+    };
+    let Some((place, last)) = numbers.last() else { return Ok(1.0) };
+    if let Clock::Time(..) = clock {
+        for seconds in [1.0, 1e-3, 1e-6, 1e-9] {
+            if SINCE_1970.contains(&(last * seconds)) && SINCE_1970.contains(&(numbers[0].1 * seconds)) {
+                return Ok(seconds);
+            }
+        }
+    }
+    let interval = match clock {
+        Clock::Time(..) => median(numbers.windows(2).map(|pair| pair[1].1 - pair[0].1).collect()),
+        _ => median(numbers.iter().map(|(_, step)| *step).collect()),
+    };
+    let length = interval * (numbers.len() - 1) as f64;
+    if interval >= SLOW || (interval >= SLOW_AND_LONG.0 && length >= SLOW_AND_LONG.1) {
+        return Err(RecordingError::Malformed {
+            place: Box::new(place.clone()),
+            found: format!("times {interval} apart, without a unit"),
+            expected: "seconds".into(),
+            advice: Some("name the column `time_s`, `time_ms`, `time_us` or `time_ns`"),
+        });
+    }
+    Ok(1.0)
+}
+
+fn median(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied().unwrap_or_default()
+}
+
+/// Times of samples, s, from the numbers of their time column.
+///
+/// # Errors
+/// Times that do not increase, numbers whose unit is unclear, or a gap as of a clock that was set.
+pub(crate) fn timed(
+    clock: Clock,
+    samples: impl Iterator<Item = (Place, Option<f64>)>,
+) -> Result<Vec<f64>, RecordingError> {
+    let numbers: Vec<(Place, f64)> =
+        samples.map(|(place, number)| (place, number.unwrap_or_default())).collect();
+    let seconds = unit(clock, &numbers)?;
+    let mut times: Vec<f64> = Vec::with_capacity(numbers.len());
+    let mut step = 0.0;
+    for (k, (place, number)) in numbers.iter().enumerate() {
+        let time = match clock {
+            Clock::Rate(rate) => k as f64 / rate,
+            Clock::Time(..) => number * seconds,
+            // the number of a sample is the time from it to the next
+            Clock::Step(..) => times.last().map_or(0.0, |last| last + step),
+        };
+        if times.last().is_some_and(|last| time <= *last) {
+            let before = times[k - 1];
+            return Err(RecordingError::Malformed {
+                place: Box::new(place.clone()),
+                found: format!("the time {time} s after {before} s"),
+                expected: "times that increase".into(),
+                advice: Some("sort the recording, or cut it where the clock was reset"),
+            });
+        }
+        times.push(time);
+        step = number * seconds;
+    }
+    let intervals: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let usual = median(intervals.clone());
+    let is_gap = |interval: &f64| *interval > LARGEST_GAP.0 * usual && *interval > LARGEST_GAP.1;
+    if let Some(k) = intervals.iter().position(is_gap) {
+        return Err(RecordingError::Malformed {
+            place: Box::new(numbers[k + 1].0.clone()),
+            found: format!("{} s since the sample before, usually {usual} s", intervals[k]),
+            expected: "times of one clock".into(),
+            advice: Some("cut the recording where the clock was set"),
+        });
+    }
+    Ok(times)
+}
