@@ -11,6 +11,7 @@ mod impacts;
 mod imu;
 mod invariant;
 mod loads;
+mod payload;
 mod pictures;
 mod place;
 mod randomised;
