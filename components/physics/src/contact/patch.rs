@@ -78,7 +78,7 @@ pub(super) fn collide(
             return true;
         }
     }
-    let lines = [part(( first, a), normal), part((second, b), &-normal)];
+    let lines = [part((first, a), normal), part((second, b), &-normal)];
     if let [Some(one), Some(other)] = &lines {
         return parallel(one, other, distance, &mut |id, point, out, gap| {
             found(true, PATCH | 1 << 13 | id, point, out, gap);
@@ -97,7 +97,9 @@ fn lowest((collider, pose): (&Collider, &IsometryMatrix3<f64>), up: &Vector3<f64
             radius * local.x.hypot(local.y) + half_length * local.z.abs()
         }
         ConvexShape::Capsule { radius, half_length } => radius + half_length * local.z.abs(),
-        ConvexShape::Hull { points } => -points.iter().map(|point| point.dot(&local)).fold(f64::MAX, f64::min),
+        ConvexShape::Hull { points } => {
+            -points.iter().map(|point| point.dot(&local)).fold(f64::MAX, f64::min)
+        }
         ConvexShape::HalfSpace => f64::INFINITY,
     };
     pose.translation.vector.dot(up) - depth
@@ -231,7 +233,8 @@ fn hull(points: &[Vector3<f64>], towards: &Vector3<f64>, size: f64) -> Option<Pa
     part.points[..part.count].sort_by(|a, b| angle(a).total_cmp(&angle(b)));
     // Twice the area as a vector: the normal of the plane that fits best.
     let next = |index: usize| part.points[(index + 1) % part.count];
-    let sum = |sum: Vector3<f64>, index: usize| sum + (part.points[index] - centre).cross(&(next(index) - centre));
+    let sum =
+        |sum: Vector3<f64>, index: usize| sum + (part.points[index] - centre).cross(&(next(index) - centre));
     let normal = (0..part.count).fold(Vector3::zeros(), sum).try_normalize(1e-9 * size * size)?;
     let flat = part.points().iter().all(|point| (point - centre).dot(&normal).abs() < 1e-4 * size);
     part.normal = (flat && normal.dot(towards) > 0.0).then_some(normal);

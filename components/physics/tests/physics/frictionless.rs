@@ -27,12 +27,11 @@ fn friction(
             friction_combine: block.1,
             ..Object::default()
         };
-        let ground =
-            Some(Ground { friction: ground.0, friction_combine: ground.1, ..Ground::default() });
+        let ground = Some(Ground { friction: ground.0, friction_combine: ground.1, ..Ground::default() });
         let world = World { ground, objects: vec![block], ..World::default() };
         let model = load("panda", std::path::Path::new(".")).unwrap().model;
         let q = model.neutral();
-        let mut simulation = engine.simulate(model, world, &q, Options::default()).unwrap();
+        let mut simulation = engine.simulate(model, world, &q, Options::default());
         let id = simulation.object("block").unwrap();
         for _ in 0..200 {
             simulation.step(1e-3).unwrap();

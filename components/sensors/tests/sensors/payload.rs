@@ -110,7 +110,7 @@ fn error(hertz: f64) -> f64 {
     let mut worst = 0.0_f64;
     // The first reading closes no interval.
     for sample in probe.samples().iter().skip(1) {
-        let end = sample.value.time_ns() as f64 * 1e-9;
+        let end = sample.stamp.source_time as f64 * 1e-9;
         let mut mean = [0.0; 6];
         for (share, weight) in [(0.0, 1.0), (0.25, 4.0), (0.5, 2.0), (0.75, 4.0), (1.0, 1.0)] {
             let tau = torque(end - share / hertz);
