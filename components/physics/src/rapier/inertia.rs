@@ -37,9 +37,9 @@ pub(super) fn mass_properties(mass: f64, com: &Vector3<f64>, rotational: &Matrix
     )
 }
 
-/// Largest mass that rapier holds up \[kg\]. It takes the inverse of a larger one, in milligrams, for zero: the body would fall through
+/// Largest mass that rapier holds up \[kg\], with a factor of two to spare. It takes the inverse of a larger one, in milligrams, for zero: the body would fall through
 /// everything.
-const MOST: f64 = 4.0e4;
+const MOST: f64 = 2.0e4;
 
 /// Refuses robots and objects that rapier would let fall.
 pub(super) fn check_masses(model: &Model, world: &World) -> Result<(), BuildError> {
@@ -49,7 +49,7 @@ pub(super) fn check_masses(model: &Model, world: &World) -> Result<(), BuildErro
     match bodies.find(|(_, mass)| *mass > MOST) {
         Some((owner, _)) => Err(BuildError::Unable {
             engine: "rapier",
-            ability: "mass above 40 t",
+            ability: "mass above 20 t",
             owner: owner.to_owned(),
             surface: None,
         }),

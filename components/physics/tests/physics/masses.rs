@@ -100,11 +100,11 @@ fn rapier_refuses_bodies_that_it_cannot_hold_up() {
     let robot = || load("panda", std::path::Path::new(".")).unwrap().model;
     let q = load("panda", std::path::Path::new(".")).unwrap().model.neutral();
     let build = |mass| RapierSimulator::new(robot(), world(mass), &q, Options::default());
-    match build(4.1e4).map(|_| ()) {
+    match build(2.1e4).map(|_| ()) {
         Err(BuildError::Unable { engine: "rapier", owner, .. }) => assert_eq!(owner, "alone"),
         other => panic!("{other:?}"),
     }
-    for mass in [1e-6, 1e-3, 1.0, 1e3, 4.0e4] {
+    for mass in [1e-6, 1e-3, 1.0, 1e3, 2.0e4] {
         let world = world(mass);
         let moved = sinks(&mut build(mass).unwrap(), &world);
         assert!(moved < 2e-3, "{mass} kg: {moved} m");
