@@ -24,7 +24,7 @@ pub struct RobotSetup {
     pub collision_rules: Srdf,
     /// Coefficients of friction of links whose surface is not as that of the others.
     pub friction: BTreeMap<String, f64>,
-    /// Rules by which the frictions of links combine with others'.
+    /// Rules of their frictions.
     pub friction_combine: BTreeMap<String, FrictionCombine>,
     /// Restitutions of links whose surface is not as that of the others, from 0 to 1.
     pub restitution: BTreeMap<String, f64>,

@@ -23,7 +23,7 @@ pub enum FrictionCombine {
     Mean,
     /// The smaller coefficient.
     Min,
-    /// The product of both: the default of surfaces with a friction of 0, which slide on every surface without a rule.
+    /// The product of both: the default with a friction of 0, so that the surface slides on others.
     Multiply,
     /// The larger coefficient.
     Max,
@@ -35,7 +35,8 @@ impl FrictionCombine {
         stated.unwrap_or(if friction > 0.0 { Self::Mean } else { Self::Multiply })
     }
 
-    /// Coefficient of friction of a contact between two surfaces, each with its coefficient and its stated rule.
+    /// Coefficient of friction of a contact between two surfaces, each with its coefficient and its stated
+    /// rule.
     pub fn combined((a, rule_a): (f64, Option<Self>), (b, rule_b): (f64, Option<Self>)) -> f64 {
         match Self::of_surface(a, rule_a).max(Self::of_surface(b, rule_b)) {
             Self::Mean => 0.5 * (a + b),

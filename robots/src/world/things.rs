@@ -31,7 +31,7 @@ pub struct Ground {
     pub friction: f64,
     /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
     pub friction_combine: Option<FrictionCombine>,
-    /// Coefficient of torsional friction (m): torque about the normal per normal force; mean of both. Default 0.
+    /// Torsional friction (m): torque about the normal per normal force; mean of both. Default 0.
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
     /// Coefficient of rolling friction (m): the torque against rolling, per normal force. That of a contact is the mean of both
@@ -124,7 +124,7 @@ pub struct Object {
     /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction_combine: Option<FrictionCombine>,
-    /// Coefficient of torsional friction (m): torque about the normal per normal force; mean of both. Default 0.
+    /// Torsional friction (m): torque about the normal per normal force; mean of both. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,

@@ -37,7 +37,8 @@ pub(super) struct Touched {
     links: Vec<(String, u32)>,
     /// Link, impulse and moment since the start of the episode, in the order in which the links were first touched.
     sums: Vec<(u32, Vector3<f64>, Vector3<f64>)>,
-    /// Contact points, and impulses on links since the start of the episode, for which the messages had no room.
+    /// Contact points, and impulses on links since the start of the episode, for which the messages had no
+    /// room.
     cut: Cut,
 }
 
@@ -219,7 +220,8 @@ impl Touched {
     }
 }
 
-/// Adds an impulse on a link and its moment to the sums. Returns 1 where there is no room for the link, and 0 otherwise.
+/// Adds an impulse on a link and its moment to the sums. Returns 1 where there is no room for the link, and 0
+/// otherwise.
 fn add(
     sums: &mut Vec<(u32, Vector3<f64>, Vector3<f64>)>,
     link: u32,

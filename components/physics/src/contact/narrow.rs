@@ -25,7 +25,8 @@ pub(super) const AHEAD: f64 = 0.05;
 /// surface, the number of the feature, the point, the normal and the distance. Returns a lower bound of the distance
 /// of the pair \[m\].
 ///
-/// A mesh touches by its [triangles](surfaces). Two boxes touch at the corners of their faces [clipped](boxes) against one another. Others
+/// A mesh touches by its [triangles](surfaces). Two boxes touch at the corners of their faces
+/// [clipped](boxes) against one another. Others
 /// that touch in a line or a face do so at the corners of their [patch]. The points of the rest are the
 /// [features](ContactGeometry::features) of each collider near the surface of the other. If these miss the contact, as
 /// between edges that cross or on a hull, the nearest points of the two are used.

@@ -1,7 +1,9 @@
 //! Contact patches: a face of one collider clipped against a face, an edge or a side line of the other.
 //!
-//! [Features](super::features) find every contact where the end of a line or the corner of a face is over the other collider. Where both
-//! ends are beyond it, as with a rod on a narrow pad, they find one point at most. A patch has the points where lines and faces leave one
+//! [Features](super::features) find every contact where the end of a line or the corner of a face is over the
+//! other collider. Where both
+//! ends are beyond it, as with a rod on a narrow pad, they find one point at most. A patch has the points
+//! where lines and faces leave one
 //! another, so it bears moments.
 
 use motorium_robots::ConvexShape;
@@ -18,10 +20,14 @@ const MOST: usize = 16;
 /// Room for a face clipped by another.
 const CLIPPED: usize = 2 * MOST;
 
+/// Corners of a patch that become contact points. More add no support, and cost a solver its convergence.
+const KEPT: usize = 4;
+
 /// Largest sine of the tilt of a face or a line against the contact plane.
 const TILT: f64 = 0.02;
 
-/// The normal of a face counts as the contact normal where it separates the two by this less than their distance at most \[m\].
+/// The normal of a face counts as the contact normal where it separates the two by this less than their
+/// distance at most \[m\].
 const SEPARATION: f64 = 2e-5;
 
 /// Corners this far outside of a face count as within it \[m\].
@@ -52,9 +58,12 @@ struct Corner {
     edge: u32,
 }
 
-/// Passes the points of the patch of two colliders to `found`: true where the second has the face, the number of the point, the point
-/// halfway between the surfaces, the normal towards the collider without the face, and the distance. `normal` points from the first to the
-/// second, and `distance` \[m\] is theirs. Returns false, and has passed nothing, where they do not touch in a line or a face.
+/// Passes the points of the patch of two colliders to `found`: true where the second has the face, the number
+/// of the point, the point
+/// halfway between the surfaces, the normal towards the collider without the face, and the distance. `normal`
+/// points from the first to the
+/// second, and `distance` \[m\] is theirs. Returns false, and has passed nothing, where they do not touch in
+/// a line or a face.
 pub(super) fn collide(
     [(first, a), (second, b)]: [(&Collider, &IsometryMatrix3<f64>); 2],
     (normal, distance): (&Vector3<f64>, f64),
@@ -210,7 +219,8 @@ fn disc(radius: f64, half_length: f64, towards: &Vector3<f64>) -> Part {
     face
 }
 
-/// The corners of a hull that are outermost in a direction, in their order around it: a face where three or more are in one plane.
+/// The corners of a hull that are outermost in a direction, in their order around it: a face where three or
+/// more are in one plane.
 fn hull(points: &[Vector3<f64>], towards: &Vector3<f64>, size: f64) -> Option<Part> {
     let highest = points.iter().map(|point| point.dot(towards)).fold(f64::MIN, f64::max);
     let mut part = Part::new(0.0, None);
@@ -241,7 +251,8 @@ fn hull(points: &[Vector3<f64>], towards: &Vector3<f64>, size: f64) -> Option<Pa
     Some(part)
 }
 
-/// Clips a part by the sides of a face with this outward normal, and passes what is nearer than `margin` \[m\] to `found`. False, and nothing
+/// Clips a part by the sides of a face with this outward normal, and passes what is nearer than `margin`
+/// \[m\] to `found`. False, and nothing
 /// is passed, where fewer than two points are left.
 fn clip(
     face: &Part,
@@ -288,10 +299,14 @@ fn clip(
             return false;
         }
     }
-    // Every other corner of a disc that lies on the face whole.
-    let whole = part.disc && corners[..count].iter().all(|corner| corner.id < 32);
-    for corner in corners[..count].iter().filter(|corner| !whole || corner.id % 2 == 0) {
-        let gap = outward.dot(&(corner.at - face.points[0])) - part.radius;
+    let gap = |corner: &Corner| outward.dot(&(corner.at - face.points[0])) - part.radius;
+    let kept = if count > KEPT { spread(&corners[..count], outward, gap) } else { [0, 1, 2, 3] };
+    for (place, index) in kept.iter().enumerate() {
+        if *index >= count || kept[..place].contains(index) {
+            continue;
+        }
+        let corner = &corners[*index];
+        let gap = gap(corner);
         if gap < margin {
             let middle = corner.at - outward * (part.radius + 0.5 * gap);
             found(corner.id, Point3::from(middle), gap);
@@ -300,7 +315,32 @@ fn clip(
     true
 }
 
-/// Passes the ends of the part that two parallel lines share to `found`. False, and nothing is passed, where they share none.
+/// Four corners that bear nearly the same moments as all: the deepest, and those that span the largest area
+/// with it. A corner takes the
+/// place of an earlier one only where it is better by more than rounding, so the choice is the same from step
+/// to step.
+fn spread(corners: &[Corner], outward: &Vector3<f64>, gap: impl Fn(&Corner) -> f64) -> [usize; KEPT] {
+    let best = |value: &dyn Fn(&Corner) -> f64, least: f64| {
+        let mut best = (0, value(&corners[0]));
+        for (index, corner) in corners.iter().enumerate().skip(1) {
+            let value = value(corner);
+            if value > best.1 + least {
+                best = (index, value);
+            }
+        }
+        best.0
+    };
+    let first = best(&|corner| -gap(corner), 1e-6);
+    let start = corners[first].at;
+    let second = best(&|corner| (corner.at - start).norm(), 1e-6);
+    let across = (corners[second].at - start).cross(outward).normalize();
+    let third = best(&|corner| across.dot(&(corner.at - start)), 1e-6);
+    let fourth = best(&|corner| -across.dot(&(corner.at - start)), 1e-6);
+    [first, second, third, fourth]
+}
+
+/// Passes the ends of the part that two parallel lines share to `found`. False, and nothing is passed, where
+/// they share none.
 fn parallel(
     one: &Part,
     other: &Part,

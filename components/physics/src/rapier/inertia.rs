@@ -37,7 +37,8 @@ pub(super) fn mass_properties(mass: f64, com: &Vector3<f64>, rotational: &Matrix
     )
 }
 
-/// Largest mass that rapier holds up \[kg\], with a factor of two to spare. It takes the inverse of a larger one, in milligrams, for zero: the body would fall through
+/// Largest mass that rapier holds up \[kg\], with a factor of two to spare. It takes the inverse of a larger
+/// one, in milligrams, for zero: the body would fall through
 /// everything.
 const MOST: f64 = 2.0e4;
 

@@ -10,7 +10,8 @@ use crate::engines::{Engine, engines};
 
 const SPEED: f64 = 1.0;
 
-/// Speed that a block loses in 0.2 s on the ground, per gravity and time: the coefficient of friction of their contact.
+/// Speed that a block loses in 0.2 s on the ground, per gravity and time: the coefficient of friction of
+/// their contact.
 fn friction(
     block: (f64, Option<FrictionCombine>),
     ground: (f64, Option<FrictionCombine>),

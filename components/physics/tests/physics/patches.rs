@@ -1,4 +1,5 @@
-//! Lines and faces that touch bear moments: bodies rest on others that are narrower, and grippers hold them straight.
+//! Lines and faces that touch bear moments: bodies rest on others that are narrower, and grippers hold them
+//! straight.
 
 use motorium_physics::{ArticulatedSimulator, JointCommand, Object, ObjectShape, Options, Simulator, World};
 use motorium_robots::{MeshCollision, MimicMode, Model, PackagePath, load, parse_urdf};

@@ -173,7 +173,8 @@ impl Component for JointTorque {
     }
 }
 
-/// The torque about the axis of a joint, or the force along it, of the mean wrench through it, with the axis in the middle of the interval.
+/// The torque about the axis of a joint, or the force along it, of the mean wrench through it, with the axis
+/// in the middle of the interval.
 fn along_axis(loads: &TrueLoads, joint: usize, link: FrameId) -> f64 {
     let model = loads.model();
     let (force, torque) = loads.through(link).seen_from(&loads.middle(joint));

@@ -175,7 +175,8 @@ impl TrueLoads {
         self.axes = axes.into_iter().map(|axes| (axes, [Isometry3::identity(); 2])).collect();
     }
 
-    /// Pose of the followed frame of this index in the middle of the interval that the newest truth closed. A mean wrench in these axes is
+    /// Pose of the followed frame of this index in the middle of the interval that the newest truth closed. A
+    /// mean wrench in these axes is
     /// of second order in the length of the interval.
     pub(super) fn middle(&self, index: usize) -> Isometry3<f64> {
         let [before, now] = &self.axes[index].1;

@@ -27,7 +27,8 @@ const RECOVERY_RATE: f64 = 50.0;
 /// And no faster than this \[m/s\].
 const FASTEST_RECOVERY: f64 = 0.5;
 
-/// Smallest mobility of a contact point (its diagonal entry of W) relative to the mobility of free bodies with the masses of
+/// Smallest mobility of a contact point (its diagonal entry of W) relative to the mobility of free bodies
+/// with the masses of
 /// the two parties. Below it the joints hold the point, which needs no impulse.
 const IMMOVABLE: f64 = 1e-9;
 
@@ -47,7 +48,8 @@ const DENSE_FREE: usize = 12;
 ///
 /// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid. Overlap
 /// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy than the
-/// two parties have at that speed: where joints hardly let a point move, recovery is slower. The impulses of the last
+/// two parties have at that speed: where joints hardly let a point move, recovery is slower. The impulses of
+/// the last
 /// step are the first guess. Surfaces that resist rolling or spinning add [torques](couples), each within a bound of its own
 /// that grows with `lambda_n`.
 ///

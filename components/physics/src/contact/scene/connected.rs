@@ -17,7 +17,8 @@ impl ContactScene {
         });
     }
 
-    /// Connects two parts, each with the frame that they share as it lies in it; `links` are the indices of the
+    /// Connects two parts, each with the frame that they share as it lies in it; `links` are the indices of
+    /// the
     /// [sums](crate::contact::ImpulseSums::link) of the links among them.
     pub(crate) fn connect(
         &mut self,
