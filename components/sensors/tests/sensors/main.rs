@@ -5,6 +5,7 @@ mod camera;
 mod channel;
 mod component;
 mod contact;
+mod crowded;
 mod encoder;
 mod estimator;
 mod impacts;

@@ -17,7 +17,8 @@ fn table(config: &str) -> toml::Value {
     config["config"].clone()
 }
 
-/// The force that a sensor at `link` of a robot at rest reads, and the mass of its own that it carries, with 1.5 kg fixed to `holder`.
+/// The force that a sensor at `link` of a robot at rest reads, and the mass of its own that it carries, with
+/// 1.5 kg fixed to `holder`.
 fn held(robot: &str, link: &str, holder: &str) -> (f64, f64) {
     let home = Source::new("home", "r/command", {
         let loaded = load(robot, Path::new(".")).unwrap();
