@@ -113,6 +113,7 @@ pub use urdf::{
     draw_as_urdf, parse_urdf, parse_urdf_with, pinocchio_joint_order,
 };
 pub use world::{
-    CompoundPart, Connection, ConnectionKind, Conveyor, Copies, Grain, Ground, MeshBody, MeshCollision,
-    MeshShape, Object, ObjectMass, ObjectShape, Softness, World, WorldError, WorldFileError, gravity_of_file,
+    CompoundPart, Connection, ConnectionKind, Conveyor, Copies, FrictionCombine, Grain, Ground, MeshBody,
+    MeshCollision, MeshShape, Object, ObjectMass, ObjectShape, Softness, World, WorldError, WorldFileError,
+    gravity_of_file,
 };

@@ -1,5 +1,6 @@
 //! The world around the robot, as a file describes it.
 
+mod combine;
 mod compound;
 mod connection;
 mod copies;
@@ -19,6 +20,7 @@ use serde::Serialize;
 
 use crate::nearest::suggestion;
 use crate::{Appearance, HeightField, MeshError, ModelWarning, Terrain, TerrainError};
+pub use combine::FrictionCombine;
 pub use compound::CompoundPart;
 pub use connection::{Connection, ConnectionKind};
 pub use copies::Copies;

@@ -37,7 +37,7 @@ pub struct Options {
     #[schemars(range(min = 0.0))]
     pub armature: f64,
     /// Friction coefficient of the robot's surface, from 0, default 0.8. That of a contact is the mean of both
-    /// surfaces'.
+    /// surfaces', unless one has a friction of 0 or a `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
     /// Restitution of the robot's surface: the share of the approach speed kept after an impact, 0 to 1, default 0. That of a

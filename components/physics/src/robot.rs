@@ -3,7 +3,9 @@
 use core::ops::Range;
 use std::collections::BTreeMap;
 
-use motorium_robots::{ActuatorSettings, Grain, Kinematics, Loaded, Model, Softness, Srdf, UnknownFrame};
+use motorium_robots::{
+    ActuatorSettings, FrictionCombine, Grain, Kinematics, Loaded, Model, Softness, Srdf, UnknownFrame,
+};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use crate::joint::JointProperties;
@@ -22,6 +24,8 @@ pub struct RobotSetup {
     pub collision_rules: Srdf,
     /// Coefficients of friction of links whose surface is not as that of the others.
     pub friction: BTreeMap<String, f64>,
+    /// Rules of their frictions.
+    pub friction_combine: BTreeMap<String, FrictionCombine>,
     /// Restitutions of links whose surface is not as that of the others, from 0 to 1.
     pub restitution: BTreeMap<String, f64>,
     /// Links whose surface gives way.
@@ -36,12 +40,13 @@ impl From<Model> for RobotSetup {
     fn from(model: Model) -> Self {
         let (rotors, actuators) = (Vec::new(), Vec::new());
         let (friction, restitution) = (BTreeMap::new(), BTreeMap::new());
-        let (soft, grain) = (BTreeMap::new(), BTreeMap::new());
+        let (friction_combine, soft, grain) = (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
         Self {
             model,
             rotors,
             collision_rules: Srdf::default(),
             friction,
+            friction_combine,
             restitution,
             soft,
             grain,

@@ -11,7 +11,7 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::Softness;
+use crate::{FrictionCombine, Softness};
 pub(crate) use field::nearest_on_triangle;
 pub use field::{HeightField, NearTriangle};
 pub(crate) use image::Picture;
@@ -71,10 +71,13 @@ pub struct Terrain {
     /// Factor of all heights. Default 1.
     #[serde(default = "one")]
     pub scale: f64,
-    /// Coefficient of friction. That of a contact is the mean of both surfaces'. Default 0.8.
+    /// Coefficient of friction, default 0.8; 0 is frictionless on everything without a `friction_combine`.
     #[serde(default = "default_friction")]
     #[schemars(range(min = 0.0))]
     pub friction: f64,
+    /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction_combine: Option<FrictionCombine>,
     /// Coefficient of torsional friction (m): the torque about the normal against spinning, per normal force. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]

@@ -6,7 +6,9 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{CompoundPart, Copies, Grain, MeshShape, Softness, WorldError, compound, positive};
+use super::{
+    CompoundPart, Copies, FrictionCombine, Grain, MeshShape, Softness, WorldError, compound, positive,
+};
 use crate::{ConvexShape, Geometry};
 
 /// A horizontal plane, solid below.
@@ -24,11 +26,12 @@ use crate::{ConvexShape, Geometry};
 pub struct Ground {
     /// Height of the plane (m).
     pub height: f64,
-    /// Coefficient of friction. That of a contact is the mean of both surfaces'.
+    /// Coefficient of friction, default 0.8; 0 is frictionless on everything without a `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: f64,
-    /// Coefficient of torsional friction (m): the torque about the normal against spinning, per normal force. That of a contact is
-    /// the mean of both surfaces'. Default 0.
+    /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
+    pub friction_combine: Option<FrictionCombine>,
+    /// Torsional friction (m): torque about the normal per normal force; mean of both. Default 0.
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
     /// Coefficient of rolling friction (m): the torque against rolling, per normal force. That of a contact is the mean of both
@@ -52,6 +55,7 @@ impl Default for Ground {
         Self {
             height: 0.0,
             friction: DEFAULT_FRICTION,
+            friction_combine: None,
             torsional_friction: 0.0,
             rolling_friction: 0.0,
             restitution: 0.0,
@@ -113,12 +117,14 @@ pub struct Object {
     /// Its angular velocity at the start, world axes (rad/s).
     #[serde(default)]
     pub angular_velocity: [f64; 3],
-    /// Coefficient of friction. That of a contact is the mean of both surfaces'.
+    /// Coefficient of friction, default 0.8; 0 is frictionless on everything without a `friction_combine`.
     #[serde(default = "default_friction")]
     #[schemars(range(min = 0.0))]
     pub friction: f64,
-    /// Coefficient of torsional friction (m): the torque about the normal against spinning, per normal force. That of a contact is
-    /// the mean of both surfaces'.
+    /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction_combine: Option<FrictionCombine>,
+    /// Torsional friction (m): torque about the normal per normal force; mean of both. Default 0.
     #[serde(default)]
     #[schemars(range(min = 0.0))]
     pub torsional_friction: f64,
@@ -170,6 +176,7 @@ impl Default for Object {
             velocity: [0.0; 3],
             angular_velocity: [0.0; 3],
             friction: DEFAULT_FRICTION,
+            friction_combine: None,
             torsional_friction: 0.0,
             rolling_friction: 0.0,
             restitution: 0.0,

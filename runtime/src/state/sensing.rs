@@ -21,6 +21,10 @@ counted_buffer! {
     /// assert_eq!(contacts.force_z(), [12.5]);
     /// ```
     pub struct Contacts as "motorium.Contacts", at most MAX_CONTACTS {
+        plain {
+            /// Contact points left out because the arrays are full; [`ContactImpulses`] has the sum of all.
+            cut: u64;
+        }
         counted {
             /// The link that is touched, by its index among the links of the robot's model.
             link, link_mut: u32;
@@ -62,6 +66,10 @@ counted_buffer! {
     /// assert_eq!(impulses.impulse_z(), [0.3]);
     /// ```
     pub struct ContactImpulses as "motorium.ContactImpulses", at most MAX_IMPULSES {
+        plain {
+            /// Impulses left out since the start of the episode because the arrays are full.
+            cut: u64;
+        }
         counted {
             /// The link, by its index among the links of the robot's model. A link that nothing has touched yet is not there.
             link, link_mut: u32;

@@ -4,7 +4,7 @@ use motorium_robots::Model;
 use nalgebra::{Isometry3, Translation3};
 
 use super::Articulated;
-use crate::contact::{Member, Owner};
+use crate::contact::{ImpulseSums, Member, Owner};
 use crate::robot::Robot;
 use crate::{ConnectError, Connection, World};
 
@@ -30,7 +30,13 @@ impl Articulated {
         }
         let frame = a.1 * Isometry3::from(Translation3::from(*point));
         let there = self.pose_of(robot, b.0.owner).inverse() * self.pose_of(robot, a.0.owner) * frame;
-        self.scene.connect([a.0, b.0], [frame, there], (*kind, lasting));
+        let colliders = self.scene.colliders().colliders.len();
+        let sums = |name: &String| {
+            let is_object = world.objects.iter().any(|object| object.name == *name);
+            let link = find_link(robot, name).filter(|_| !is_object && name != "world");
+            link.map(|link| ImpulseSums::link(colliders, &robot.articulations, link))
+        };
+        self.scene.connect([a.0, b.0], [frame, there], [sums(first), sums(second)], (*kind, lasting));
         self.place(robot);
         Ok(())
     }
@@ -55,16 +61,15 @@ impl Articulated {
         if let Some(index) = world.objects.iter().position(|object| object.name == name) {
             return Some(self.scene.member_of_object(index));
         }
-        robot.articulations.iter().enumerate().find_map(|(of, own)| {
-            let model: &Model = &own.model;
-            let frame = &model.frames()[model.frame(name).ok()?.index()];
-            let owner = match frame.body {
-                Some(body) => Owner::Body(of, body),
-                None if model.base().floating && !frame.in_world => Owner::Base(of),
-                None => Owner::World,
-            };
-            Some((Member { owner, fixed: None }, frame.placement))
-        })
+        let (of, link) = find_link(robot, name)?;
+        let model: &Model = &robot.articulations[of].model;
+        let frame = &model.frames()[link];
+        let owner = match frame.body {
+            Some(body) => Owner::Body(of, body),
+            None if model.base().floating && !frame.in_world => Owner::Base(of),
+            None => Owner::World,
+        };
+        Some((Member { owner, fixed: None }, frame.placement))
     }
 
     /// Pose of a part as all stands.
@@ -76,6 +81,12 @@ impl Articulated {
             Owner::Object(object) => self.scene.objects.now[object].pose,
         }
     }
+}
+
+/// The articulation of a link, and its index there.
+fn find_link(robot: &Robot, name: &str) -> Option<(usize, usize)> {
+    let links = robot.articulations.iter().enumerate();
+    links.into_iter().find_map(|(of, own)| Some((of, own.model.frame(name).ok()?.index())))
 }
 
 /// The link or object most likely meant.

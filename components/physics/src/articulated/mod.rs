@@ -150,7 +150,7 @@ impl Engine for Articulated {
         let parts = parts.collect::<Result<Vec<_>, _>>()?;
         let colliders = Colliders::new(setups, world, options, warnings);
         Ok(Self {
-            sums: ImpulseSums::new(&colliders.colliders),
+            sums: ImpulseSums::new(&colliders.colliders, &robot.articulations),
             rays: Rays::new(&colliders),
             options: *options,
             bases: vec![Isometry3::identity(); parts.len()],
@@ -176,7 +176,7 @@ impl Engine for Articulated {
             part.integrator.set_joints(&robot.joints[own.joints()]);
             part.actuators.set_limits(&robot.joints[own.joints()]);
         }
-        self.scene.set_properties(surfaces, &robot.articulations);
+        self.scene.set_properties(surfaces, robot);
         Ok(())
     }
 

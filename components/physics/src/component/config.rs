@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use motorium::declare::ConfigError;
-use motorium_robots::{BaseMode, BasePose, Grain, Loaded, Model, PerJoint, Posture, Softness};
+use motorium_robots::{
+    BaseMode, BasePose, FrictionCombine, Grain, Loaded, Model, PerJoint, Posture, Softness,
+};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -63,9 +65,11 @@ pub struct PhysicsConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceConfig {
-    /// Coefficient of friction, from 0. That of a contact is the mean of both surfaces'.
+    /// Coefficient of friction, from 0; 0 is frictionless on everything without a `friction_combine`.
     #[schemars(range(min = 0.0))]
     pub friction: Option<f64>,
+    /// Rule by which frictions combine. Default: the mean of both surfaces' for a friction above 0.
+    pub friction_combine: Option<FrictionCombine>,
     /// Share of the approach speed kept after an impact, 0 to 1. That of a contact is the mean of both surfaces'.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub restitution: Option<f64>,
@@ -160,7 +164,7 @@ impl PhysicsConfig {
     /// Gives single links of these robots surfaces of their own.
     pub(super) fn set_surfaces(&self, setups: &mut [RobotSetup]) -> Result<(), ConfigError> {
         for (link, surface) in &self.surfaces {
-            let SurfaceConfig { friction, restitution, soft, grain } = surface;
+            let SurfaceConfig { friction, friction_combine, restitution, soft, grain } = surface;
             let key = |name: &str| format!("surfaces.{link}{name}");
             // A link that no robot has is refused with the first.
             let owner = setups.iter().position(|setup| setup.model.frame(link).is_ok()).unwrap_or(0);
@@ -175,6 +179,7 @@ impl PhysicsConfig {
                 }
                 setup.friction.insert(link.clone(), friction);
             }
+            setup.friction_combine.extend(friction_combine.map(|rule| (link.clone(), rule)));
             if let Some(restitution) = *restitution {
                 if !(0.0..=1.0).contains(&restitution) {
                     let message = format!("{restitution}, expected a number from 0 to 1");

@@ -208,6 +208,7 @@ impl<E: PhysicsEngine> Component for PhysicsComponent<E> {
             "joint_position": self.simulation.positions(),
             "warnings": BuildWarning::told(self.simulation.warnings()),
         });
+        self.truth.report(&self.simulation, &mut result);
         if let Some(objects) = objects::report(&self.simulation) {
             result["objects"] = objects;
         }

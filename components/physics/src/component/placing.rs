@@ -59,6 +59,7 @@ impl Placing {
             rotors: rotors.collect(),
             collision_rules: self.setup.collision_rules.prefixed(&self.prefix),
             friction: self.of_links(&self.setup.friction).collect(),
+            friction_combine: self.of_links(&self.setup.friction_combine).collect(),
             restitution: self.of_links(&self.setup.restitution).collect(),
             soft: self.of_links(&self.setup.soft).collect(),
             grain: self.of_links(&self.setup.grain).collect(),
@@ -103,10 +104,19 @@ pub(super) fn together(robots: &[&Placing]) -> Result<RobotSetup, ConfigError> {
     let model =
         Model::world("world", &placed).map_err(|error| ConfigError::key("robots", error.to_string()))?;
     let friction = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.friction)).collect();
+    let combine = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.friction_combine)).collect();
     let restitution = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.restitution)).collect();
     let soft = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.soft)).collect();
     let grain = robots.iter().flat_map(|robot| robot.of_links(&robot.setup.grain)).collect();
-    Ok(RobotSetup { collision_rules: rules, friction, restitution, soft, grain, ..RobotSetup::from(model) })
+    Ok(RobotSetup {
+        collision_rules: rules,
+        friction,
+        friction_combine: combine,
+        restitution,
+        soft,
+        grain,
+        ..RobotSetup::from(model)
+    })
 }
 
 /// An error about the start of one of several robots.

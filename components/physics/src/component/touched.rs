@@ -1,5 +1,7 @@
 //! What touches a robot: contact points, and their impulses since the start of an episode.
 
+use std::collections::BTreeMap;
+
 use motorium::component::{ConfigureError, Setup};
 use motorium::declare::StepError;
 use motorium::state::{ContactImpulses, Contacts, MAX_CONTACTS, MAX_IMPULSES};
@@ -35,6 +37,16 @@ pub(super) struct Touched {
     links: Vec<(String, u32)>,
     /// Link, impulse and moment since the start of the episode, in the order in which the links were first touched.
     sums: Vec<(u32, Vector3<f64>, Vector3<f64>)>,
+    /// Contact points, and impulses on links since the start of the episode, for which the messages had no
+    /// room.
+    cut: Cut,
+}
+
+/// Numbers of entries that did not fit into messages.
+#[derive(Clone, Copy, Default)]
+struct Cut {
+    contacts: u64,
+    impulses: u64,
 }
 
 /// The links of a robot among those of its articulation.
@@ -75,6 +87,7 @@ impl Touched {
             place: Place { articulation, first, count },
             sums: Vec::with_capacity(links.len().min(MAX_IMPULSES)),
             links,
+            cut: Cut::default(),
         })
     }
 
@@ -85,18 +98,18 @@ impl Touched {
         pushes: impl Iterator<Item = Push>,
         dt: f64,
     ) {
-        let Self { impulses, place, links, sums, .. } = self;
+        let Self { impulses, place, links, sums, cut, .. } = self;
         if !impulses.is_wired() {
             return;
         }
         for (link, point, arm, force) in pushes {
             let Some(index) = place.index(link) else { continue };
             let at = simulation.frame_pose_of(link) * point + arm;
-            add(sums, index, &(force * dt), &(at.coords.cross(&force) * dt));
+            cut.impulses += add(sums, index, &(force * dt), &(at.coords.cross(&force) * dt));
         }
         simulation.engine.visit_impulses(dt, &mut |name, impulse, moment| {
             if let Some(link) = find(links, name) {
-                add(sums, link, impulse, moment);
+                cut.impulses += add(sums, link, impulse, moment);
             }
         });
     }
@@ -104,6 +117,7 @@ impl Touched {
     /// Starts an episode.
     pub(super) fn reset(&mut self) {
         self.sums.clear();
+        self.cut = Cut::default();
     }
 
     /// Publishes the contact points and the sums; `names` are those of the objects, sorted.
@@ -114,15 +128,16 @@ impl Touched {
         names: &[(String, u32)],
     ) -> Result<(), StepError> {
         self.publish_impulses()?;
-        let Self { contacts, place, links, .. } = self;
+        let Self { contacts, place, links, cut, .. } = self;
         if !contacts.is_wired() {
             return Ok(());
         }
         let mut points = contacts.loan()?;
-        let mut count = 0;
+        let (mut count, mut left_out) = (0, 0);
         points.set_count(MAX_CONTACTS);
         let mut add = |link: u32, other: u32, (point, force, depth): (&Point3<f64>, &Vector3<f64>, f64)| {
             if count == MAX_CONTACTS {
+                left_out += 1;
                 return;
             }
             points.link_mut()[count] = link;
@@ -155,8 +170,34 @@ impl Touched {
             }
         });
         points.set_count(count);
+        points.cut = left_out;
+        cut.contacts += left_out;
         points.publish()?;
         Ok(())
+    }
+
+    /// Contact points and impulses that were left out of messages in this episode.
+    pub(super) fn left_out(&self) -> u64 {
+        self.cut.contacts + self.cut.impulses
+    }
+
+    /// The force of the contacts of each link with each other part after the last step, with their names.
+    pub(super) fn report<E: Engine>(&self, simulation: &Simulation<E>) -> serde_json::Value {
+        let mut forces = BTreeMap::<(String, String), Vector3<f64>>::new();
+        simulation.visit_contacts(&mut |contact| {
+            let on_second = contact.normal * contact.force + contact.friction;
+            let pair =
+                [(contact.second, contact.first, on_second), (contact.first, contact.second, -on_second)];
+            for (link, other, force) in
+                pair.into_iter().filter(|(link, ..)| find(&self.links, link).is_some())
+            {
+                *forces.entry((link.to_owned(), other.to_owned())).or_default() += force;
+            }
+        });
+        let rows = forces.into_iter().map(|((link, other), force)| {
+            serde_json::json!({ "link": link, "other": other, "force": [force.x, force.y, force.z] })
+        });
+        rows.collect()
     }
 
     fn publish_impulses(&mut self) -> Result<(), StepError> {
@@ -165,6 +206,7 @@ impl Touched {
         }
         let mut sums = self.impulses.loan()?;
         sums.set_count(self.sums.len());
+        sums.cut = self.cut.impulses;
         for (index, (link, impulse, moment)) in self.sums.iter().enumerate() {
             sums.link_mut()[index] = *link;
             sums.impulse_x_mut()[index] = impulse.x;
@@ -178,19 +220,23 @@ impl Touched {
     }
 }
 
-/// Adds an impulse on a link and its moment to the sums. A link beyond the room is left out.
+/// Adds an impulse on a link and its moment to the sums. Returns 1 where there is no room for the link, and 0
+/// otherwise.
 fn add(
     sums: &mut Vec<(u32, Vector3<f64>, Vector3<f64>)>,
     link: u32,
     impulse: &Vector3<f64>,
     moment: &Vector3<f64>,
-) {
+) -> u64 {
     if let Some((_, impulses, moments)) = sums.iter_mut().find(|(other, ..)| *other == link) {
         *impulses += impulse;
         *moments += moment;
     } else if sums.len() < sums.capacity() {
         sums.push((link, *impulse, *moment));
+    } else {
+        return 1;
     }
+    0
 }
 
 /// The number that stands with a name in a sorted list.

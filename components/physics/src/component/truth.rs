@@ -71,6 +71,15 @@ impl Truth {
         self.robots.iter_mut().for_each(Touched::reset);
     }
 
+    /// Reports the contacts of the links after the last step, and the contacts and impulses that did not fit
+    /// into messages.
+    pub(super) fn report<E: Engine>(&self, simulation: &Simulation<E>, result: &mut serde_json::Value) {
+        let contacts = self.robots.iter().map(|own| own.report(simulation));
+        let contacts = contacts.flat_map(|rows| rows.as_array().cloned().unwrap_or_default());
+        result["contacts"] = contacts.collect();
+        result["contacts_left_out"] = self.robots.iter().map(Touched::left_out).sum::<u64>().into();
+    }
+
     /// Publishes the state after a step.
     pub(super) fn publish<E: Engine>(
         &mut self,

@@ -5,8 +5,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use motorium_robots::{
-    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, Grain,
-    HeightField, MeshMode, Object, ObjectShape, Softness, Terrain, TriangleSurface,
+    Attachment, CollisionError, CollisionModel, CollisionOptions, Collisions, ConvexShape, FrictionCombine,
+    Grain, HeightField, MeshMode, Object, ObjectShape, Softness, Terrain, TriangleSurface,
 };
 use nalgebra::{Isometry3, Vector3};
 
@@ -72,6 +72,7 @@ pub(crate) struct Collider {
     /// The same of any hull, for edges of meshes; none where no mesh touches by its triangles.
     pub(crate) sides: Vec<(Vector3<f64>, f64)>,
     pub(crate) friction: f64,
+    pub(crate) friction_combine: Option<FrictionCombine>,
     /// Coefficients of torsional and of rolling friction \[m\].
     pub(crate) torsional: f64,
     pub(crate) rolling: f64,
@@ -193,17 +194,20 @@ impl Colliders {
                     _ => Owner::World,
                 };
                 let (mut turning, mut soft, mut grain) = (([0.0; 2], None), None, None);
+                let combine;
                 let (friction, restitution) = match (object, &world.ground) {
                     (Some((_, Some(object))), _) => {
                         turning = ([object.torsional_friction, object.rolling_friction], object.conveyor);
                         (soft, grain) =
                             (object.soft, object.grain.map(|grain| (grain.unit(), grain.friction)));
+                        combine = object.friction_combine;
                         (object.friction, object.restitution)
                     }
                     (Some((_, None)), Some(ground)) => {
                         turning = ([ground.torsional_friction, ground.rolling_friction], ground.conveyor);
                         (soft, grain) =
                             (ground.soft, ground.grain.map(|grain| (grain.unit(), grain.friction)));
+                        combine = ground.friction_combine;
                         (ground.friction, ground.restitution)
                     }
                     _ => {
@@ -212,6 +216,8 @@ impl Colliders {
                             setup(index).and_then(|(_, setup)| of(setup).get(link).copied()).unwrap_or(all)
                         };
                         let friction = own(|setup| &setup.friction, options.friction);
+                        combine =
+                            setup(index).and_then(|(_, setup)| setup.friction_combine.get(link).copied());
                         if let Some((_, setup)) = setup(index) {
                             soft = setup.soft.get(link).copied();
                             grain = setup.grain.get(link).map(|grain| of_link(setup, &model, index, grain));
@@ -254,6 +260,7 @@ impl Colliders {
                     part,
                     surface,
                     friction,
+                    friction_combine: combine,
                     torsional,
                     rolling,
                     restitution,
@@ -295,6 +302,7 @@ impl Colliders {
                 faces: Vec::new(),
                 sides: Vec::new(),
                 friction: terrain.friction,
+                friction_combine: terrain.friction_combine,
                 torsional: terrain.torsional_friction,
                 rolling: terrain.rolling_friction,
                 restitution: terrain.restitution,

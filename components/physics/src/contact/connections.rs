@@ -43,8 +43,8 @@ pub(crate) struct Joined {
     pub(crate) kind: ConnectionKind,
     /// It stays when the simulation is reset.
     pub(crate) lasting: bool,
-    /// A collider of each, which feels the impulse.
-    colliders: [Option<usize>; 2],
+    /// Indices of the [sums](super::sums::ImpulseSums) that the impulse on each is added to.
+    sums: [Option<usize>; 2],
     number: u64,
 }
 
@@ -58,20 +58,21 @@ pub(crate) struct Connections {
 }
 
 impl Connections {
-    /// Adds one.
+    /// Adds one. `links` are the indices of the [sums](super::sums::ImpulseSums::link) of its links.
     pub(crate) fn add(
         &mut self,
         colliders: &[Collider],
         members: [Member; 2],
         frames: [Isometry3<f64>; 2],
+        links: [Option<usize>; 2],
         (kind, lasting): (ConnectionKind, bool),
     ) {
-        let of = |Member { owner, .. }: Member| {
+        let object = |Member { owner, .. }: Member| {
             let own = |collider: &Collider| collider.owner == owner && owner != Owner::World;
             colliders.iter().position(own)
         };
-        let colliders = members.map(of);
-        self.all.push(Joined { members, frames, kind, lasting, colliders, number: self.next });
+        let sums = [0, 1].map(|side| links[side].or_else(|| object(members[side])));
+        self.all.push(Joined { members, frames, kind, lasting, sums, number: self.next });
         self.next += 1;
         self.points.reserve(self.most());
     }
@@ -128,7 +129,7 @@ impl Connections {
             let mut add = |turning: bool, error: Vector3<f64>| {
                 self.points.push(ContactPoint {
                     key: CONNECTION | joined.number << 1 | u64::from(turning),
-                    // A part may have none: see `colliders`.
+                    // A part may have none: see `sums`.
                     colliders: (usize::MAX, usize::MAX),
                     owners: (joined.members[0].owner, joined.members[1].owner),
                     point,
@@ -153,10 +154,10 @@ impl Connections {
         self.points.iter().filter(move |point| moves(point.owners.0) || moves(point.owners.1))
     }
 
-    /// Colliders of the two parts of the point with this key.
-    pub(super) fn colliders(&self, key: u64) -> [Option<usize>; 2] {
+    /// Indices of the sums of the two parts of the point with this key.
+    pub(super) fn sums(&self, key: u64) -> [Option<usize>; 2] {
         let number = (key & !CONNECTION) >> 1;
-        self.all.iter().find(|joined| joined.number == number).map_or([None; 2], |joined| joined.colliders)
+        self.all.iter().find(|joined| joined.number == number).map_or([None; 2], |joined| joined.sums)
     }
 }
 

@@ -25,6 +25,7 @@ mod newton;
 mod normals;
 mod objects;
 mod parties;
+mod patch;
 mod properties;
 mod scene;
 mod site;

@@ -9,6 +9,7 @@ use super::boxes;
 use super::colliders::Collider;
 use super::detect::Pair;
 use super::features::{ContactGeometry, Feature};
+use super::patch;
 use super::surfaces;
 
 /// The nearest points of a pair are a contact point of their own when they are nearer than all features by this \[m\].
@@ -24,7 +25,9 @@ pub(super) const AHEAD: f64 = 0.05;
 /// surface, the number of the feature, the point, the normal and the distance. Returns a lower bound of the distance
 /// of the pair \[m\].
 ///
-/// A mesh touches by its [triangles](surfaces). Two boxes touch at the corners of their faces [clipped](boxes) against one another. The points of other pairs are the
+/// A mesh touches by its [triangles](surfaces). Two boxes touch at the corners of their faces
+/// [clipped](boxes) against one another. Others
+/// that touch in a line or a face do so at the corners of their [patch]. The points of the rest are the
 /// [features](ContactGeometry::features) of each collider near the surface of the other. If these miss the contact, as
 /// between edges that cross or on a hull, the nearest points of the two are used.
 pub(super) fn measure(
@@ -78,6 +81,16 @@ pub(super) fn measure(
         least.set(least.get().min(distance));
         found(swapped, feature, point, normal, distance);
     };
+    // Two that touch in a line or a face.
+    let mut patch = |swapped: bool, feature, point, normal, distance: f64| {
+        if distance < margin {
+            found(!swapped, feature, point, normal, distance);
+        }
+    };
+    let apart = (&nearest.normal.into_inner(), nearest.distance);
+    if patch::collide([(first, a), (second, b)], apart, margin, &mut patch) {
+        return nearest.distance;
+    }
     // A sphere has one feature, which finds all there is.
     let round = |collider: &Collider| matches!(collider.shape, ConvexShape::Sphere { .. });
     if !round(second) || round(first) {

@@ -63,7 +63,7 @@ impl ContactScene {
             steps: 1,
             sleeping: options.sleeping,
             impulses: Impulses::new(
-                &robot.articulations,
+                robot,
                 objects.now.len(),
                 detector.capacity() * if colliders.resist_turning() { 2 } else { 1 },
             ),
@@ -80,9 +80,9 @@ impl ContactScene {
     }
 
     /// Takes over a surface for each collider, and the masses of the articulations.
-    pub(crate) fn set_properties(&mut self, surfaces: &[Surface], articulations: &[Articulation]) {
+    pub(crate) fn set_properties(&mut self, surfaces: &[Surface], robot: &Robot) {
         self.colliders.set_surfaces(surfaces);
-        self.impulses.set_masses(articulations);
+        self.impulses.set_masses(robot);
     }
 
     /// Takes over the heights of another terrain of the same size. True if they are others.
@@ -200,10 +200,10 @@ impl ContactScene {
         for (index, point) in points.iter().enumerate() {
             let Some(held) = point.held else { continue };
             let impulse = self.impulses.at(index, point);
-            for (collider, sign) in self.connections.colliders(point.key).into_iter().zip([1.0, -1.0]) {
-                match collider {
-                    Some(collider) if held.turning => sums.add_moment_to(collider, &(impulse * sign)),
-                    Some(collider) => sums.add_to(collider, &point.point, &(impulse * sign)),
+            for (part, sign) in self.connections.sums(point.key).into_iter().zip([1.0, -1.0]) {
+                match part {
+                    Some(part) if held.turning => sums.add_moment_to(part, &(impulse * sign)),
+                    Some(part) => sums.add_to(part, &point.point, &(impulse * sign)),
                     None => {}
                 }
             }

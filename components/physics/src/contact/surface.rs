@@ -1,6 +1,6 @@
 //! The law of the two surfaces that meet at a contact point.
 
-use motorium_robots::Softness;
+use motorium_robots::{FrictionCombine, Softness};
 use nalgebra::{Rotation3, Vector3};
 
 use super::colliders::{Collider, ColliderGrain};
@@ -46,12 +46,17 @@ impl SurfaceLaw {
             (Some(one), Some(other)) => Some(one.behind(other)),
             (one, other) => one.or(other),
         };
-        let mut friction = 0.5 * (a.friction + b.friction);
+        let combined = |one: f64, other: f64| {
+            FrictionCombine::combined((one, a.friction_combine), (other, b.friction_combine))
+        };
+        let mut friction = combined(a.friction, b.friction);
         let mut grain = None;
         // Of two that have a grain the first counts.
-        for (place, own, other) in [(1, b, a), (0, a, b)] {
+        for (place, own) in [(1, b), (0, a)] {
             if let Some(ColliderGrain { direction, along, .. }) = own.grain {
-                let both = [0.5 * (along + other.friction), 0.5 * (own.friction + other.friction)];
+                let along =
+                    if place == 0 { combined(along, b.friction) } else { combined(a.friction, along) };
+                let both = [along, combined(a.friction, b.friction)];
                 friction = both[0].max(both[1]);
                 let shares = if friction > 0.0 { both.map(|of| of / friction) } else { [1.0; 2] };
                 grain = Some((turned(place) * direction, shares));

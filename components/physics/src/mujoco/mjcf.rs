@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 
-use motorium_robots::{Body, ConvexShape, Coordinate, Inertia, JointKind, ObjectMass};
+use motorium_robots::{Body, ConvexShape, Coordinate, FrictionCombine, Inertia, JointKind, ObjectMass};
 use nalgebra::{Isometry3, Vector3};
 
 use super::contact;
@@ -282,7 +282,10 @@ impl Writer<'_> {
                 continue;
             }
             let half = |of: fn(&Collider) -> f64| 0.5 * (of(first) + of(second));
-            let friction = half(|collider| collider.friction);
+            let friction = FrictionCombine::combined(
+                (first.friction, first.friction_combine),
+                (second.friction, second.friction_combine),
+            );
             let torsional = half(|collider| collider.torsional);
             let rolling = half(|collider| collider.rolling);
             let [time, damping] = contact::reference(half(|collider| collider.restitution));

@@ -155,7 +155,7 @@ impl Engine for Mujoco {
         let nv = robot.nv();
         Ok(Self {
             rays: Rays::new(&colliders),
-            sums: ImpulseSums::new(&colliders.colliders),
+            sums: ImpulseSums::new(&colliders.colliders, &robot.articulations),
             armatures: armatures(robot),
             laws: vec![Laws::FREE; robot.joints.len()],
             drives: vec![Drive::Linear; robot.joints.len()],

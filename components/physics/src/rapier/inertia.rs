@@ -1,9 +1,11 @@
 //! Masses and inertias as rapier can take them.
 
+use motorium_robots::Model;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use rapier3d_f64::dynamics::MassProperties;
 
 use super::convert;
+use crate::{BuildError, World};
 
 /// Rapier's unit of mass is a milligram: masses, inertias and forces are multiplied by this on the way in.
 ///
@@ -33,4 +35,25 @@ pub(super) fn mass_properties(mass: f64, com: &Vector3<f64>, rotational: &Matrix
         convert::vector(&(moments * MILLIGRAMS)),
         convert::pose(&Isometry3::from_parts(Translation3::identity(), frame)).rotation,
     )
+}
+
+/// Largest mass that rapier holds up \[kg\], with a factor of two to spare. It takes the inverse of a larger
+/// one, in milligrams, for zero: the body would fall through
+/// everything.
+const MOST: f64 = 2.0e4;
+
+/// Refuses robots and objects that rapier would let fall.
+pub(super) fn check_masses(model: &Model, world: &World) -> Result<(), BuildError> {
+    let objects =
+        world.objects.iter().filter_map(|object| Some((&*object.name, object.mass_properties()?.mass)));
+    let mut bodies = objects.chain([(model.name(), model.mass())]);
+    match bodies.find(|(_, mass)| *mass > MOST) {
+        Some((owner, _)) => Err(BuildError::Unable {
+            engine: "rapier",
+            ability: "mass above 20 t",
+            owner: owner.to_owned(),
+            surface: None,
+        }),
+        None => Ok(()),
+    }
 }

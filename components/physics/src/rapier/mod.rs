@@ -107,6 +107,7 @@ impl Engine for Rapier {
         if world.terrain.is_some() {
             return Err(BuildError::Terrain);
         }
+        inertia::check_masses(model, world)?;
         if setups.iter().any(|setup| setup.actuators.iter().any(Option::is_some)) {
             return Err(BuildError::IdealDrives);
         }

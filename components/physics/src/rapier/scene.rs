@@ -1,6 +1,6 @@
 //! Rapier's sets of bodies, colliders and joints, with the objects of the world.
 
-use motorium_robots::ObjectMass;
+use motorium_robots::{FrictionCombine, ObjectMass};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use rapier3d_f64::dynamics::{
     CCDSolver, CoefficientCombineRule, ImpulseJointSet, IntegrationParameters, IslandManager,
@@ -21,6 +21,16 @@ use crate::{Contact, World};
 
 /// A function that runs the call it is given, such as one that counts its allocations apart.
 pub type Enclose = fn(&mut dyn FnMut());
+
+/// Rapier's rule for the friction of a collider. Rapier orders its rules as [`FrictionCombine`] does.
+fn combine_rule(collider: &Collider) -> CoefficientCombineRule {
+    match FrictionCombine::of_surface(collider.friction, collider.friction_combine) {
+        FrictionCombine::Mean => CoefficientCombineRule::Average,
+        FrictionCombine::Min => CoefficientCombineRule::Min,
+        FrictionCombine::Multiply => CoefficientCombineRule::Multiply,
+        FrictionCombine::Max => CoefficientCombineRule::Max,
+    }
+}
 
 /// Rapier's world.
 pub(super) struct Scene {
@@ -167,7 +177,7 @@ impl Scene {
             .density(0.0)
             .friction(collider.friction)
             .restitution(collider.restitution)
-            .friction_combine_rule(CoefficientCombineRule::Average)
+            .friction_combine_rule(combine_rule(collider))
             .restitution_combine_rule(CoefficientCombineRule::Average)
             .active_hooks(ActiveHooks::FILTER_CONTACT_PAIRS)
             .user_data(index as u128);

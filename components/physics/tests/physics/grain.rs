@@ -1,7 +1,7 @@
 //! Friction that differs by direction, against Coulomb's law along and across the grain.
 
 use motorium_physics::{ArticulatedSimulator, Grain, Ground, Object, ObjectShape, Options, Simulator, World};
-use motorium_robots::{Model, load};
+use motorium_robots::{FrictionCombine, Model, load};
 
 use crate::engines::{Engine, engines};
 
@@ -42,7 +42,7 @@ fn slide(objects: Vec<Object>, ground: Ground, direction: [f64; 2], sideways: f6
 
 /// A ground without friction of its own: a contact has half of the plank's.
 fn smooth() -> Ground {
-    Ground { friction: 0.0, ..Ground::default() }
+    Ground { friction: 0.0, friction_combine: Some(FrictionCombine::Mean), ..Ground::default() }
 }
 
 #[test]
@@ -101,7 +101,8 @@ fn the_grain_of_the_ground_lies_in_the_world() {
         grain: Some(Grain { direction: [0.0, 1.0, 0.0], friction: 2.0 * ALONG }),
         ..Ground::default()
     };
-    let brick = Object { grain: None, friction: 0.0, ..plank(0.4) };
+    let brick =
+        Object { grain: None, friction: 0.0, friction_combine: Some(FrictionCombine::Mean), ..plank(0.4) };
     let slid = slide(vec![brick.clone()], ground, [0.0, 1.0], 0.4 * G);
     assert!((slid[1] - 0.5 * (0.4 - ALONG) * G).abs() < 5e-3, "{slid:?}");
     let held = slide(vec![brick], ground, [1.0, 0.0], 0.4 * G);

@@ -88,6 +88,8 @@ pub struct FootContactSensor {
     values: Vec<f64>,
     seen: (u32, u32, u64),
     since: Option<u64>,
+    /// Samples whose contacts are incomplete.
+    cut: u64,
 }
 
 impl Component for FootContactSensor {
@@ -125,6 +127,7 @@ impl Component for FootContactSensor {
             values: vec![0.0; 2 * count],
             seen: (0, 0, 0),
             since: None,
+            cut: 0,
             config,
         })
     }
@@ -135,6 +138,7 @@ impl Component for FootContactSensor {
             let stamp = points.stamp();
             if name(&stamp) != self.seen {
                 self.seen = name(&stamp);
+                self.cut += u64::from(points.cut > 0);
                 self.sums.fill(Vector3::zeros());
                 for index in 0..points.count() {
                     let other = points.other()[index];
@@ -177,13 +181,14 @@ impl Component for FootContactSensor {
         self.model = self.config.model(self.sums.len(), seed, &draw).map_err(failed)?;
         let timing = self.config.timing(draw.latency);
         self.readings = Readings::new(&timing, self.values.len(), self.period, seed).map_err(failed)?;
-        (self.seen, self.since) = ((0, 0, 0), None);
+        (self.seen, self.since, self.cut) = ((0, 0, 0), None, 0);
         Ok(())
     }
 
     fn result(&self) -> Option<serde_json::Value> {
         let mut result = self.readings.result();
         self.draws.report(&mut result);
+        result["samples_with_contacts_left_out"] = serde_json::json!(self.cut);
         Some(result)
     }
 }

@@ -9,7 +9,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::draws::Draws;
-use super::loads::TrueLoads;
+use super::loads::{Axes, TrueLoads};
 use super::readings::{Readings, refused};
 use crate::channel::{Channel, ErrorModel, SettingError, Timing};
 use crate::randomise::{SensorDraw, SensorRanges};
@@ -108,8 +108,7 @@ pub struct ForceTorque {
     draws: Draws,
     period: Duration,
     link: FrameId,
-    place: Isometry3<f64>,
-    last: Option<(u64, Isometry3<f64>)>,
+    last: Option<u64>,
     /// Mass that it carries \[kg\].
     carried: f64,
 }
@@ -140,8 +139,9 @@ impl Component for ForceTorque {
     }
 
     fn configure(config: ForceTorqueConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let loads = TrueLoads::open(config.gravity, setup)?;
+        let mut loads = TrueLoads::open(config.gravity, setup)?;
         let (link, place) = config.place(loads.model())?;
+        loads.follow([Axes::Link(link, place)]);
         let seed = config.seed.unwrap_or(setup.seed());
         let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
         Ok(Self {
@@ -154,7 +154,6 @@ impl Component for ForceTorque {
             last: None,
             loads,
             link,
-            place,
             config,
         })
     }
@@ -163,13 +162,8 @@ impl Component for ForceTorque {
         self.draws.publish()?;
         if let Some(times) = self.loads.newest(tick)? {
             let wrench = self.loads.through(self.link);
-            let now = self.loads.kinematics().pose(self.loads.model(), self.link) * self.place;
-            let (since, before) = self.last.replace((times.state, now)).unwrap_or((times.state, now));
-            let middle = Isometry3::from_parts(
-                before.translation.vector.lerp(&now.translation.vector, 0.5).into(),
-                before.rotation.slerp(&now.rotation, 0.5),
-            );
-            let (force, torque) = wrench.seen_from(&middle);
+            let since = self.last.replace(times.state).unwrap_or(times.state);
+            let (force, torque) = wrench.seen_from(&self.loads.middle(0));
             let dt = times.state.saturating_sub(since) as f64 * 1e-9;
             let mut values = [force.x, force.y, force.z, torque.x, torque.y, torque.z];
             let [of_force, of_torque] = &mut self.channels;
@@ -200,6 +194,7 @@ impl Component for ForceTorque {
         let mut result = self.readings.result();
         let [force, torque] = &self.channels;
         self.draws.report(&mut result);
+        result["samples_with_contacts_left_out"] = serde_json::json!(self.loads.incomplete());
         result["carried_mass_kg"] = serde_json::json!(self.carried);
         result["force_bias"] = serde_json::json!(force.bias());
         result["torque_bias"] = serde_json::json!(torque.bias());

@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use super::draws::Draws;
 use super::force_torque::earth;
-use super::loads::TrueLoads;
+use super::loads::{Axes, TrueLoads};
 use super::readings::{Readings, refused};
 use crate::channel::{Channel, ErrorModel, SettingError, Timing};
 use crate::randomise::{SensorDraw, SensorRanges};
@@ -105,8 +105,10 @@ impl Component for JointTorque {
     }
 
     fn configure(config: JointTorqueConfig, setup: &mut Setup) -> Result<Self, ConfigureError> {
-        let loads = TrueLoads::open(config.gravity, setup)?;
+        let mut loads = TrueLoads::open(config.gravity, setup)?;
         let links = links(loads.model())?;
+        let bodies: Vec<_> = (0..links.len()).map(|joint| loads.model().joint_body(joint)).collect();
+        loads.follow(bodies.into_iter().map(Axes::Body));
         let seed = config.seed.unwrap_or(setup.seed());
         let draws = Draws::open(&config.randomise, config.latency, seed, setup)?;
         let timing = config.timing(draws.now().latency);
@@ -165,16 +167,17 @@ impl Component for JointTorque {
         let mut result = self.readings.result();
         result["joints"] = serde_json::json!(self.loads.model().joint_names());
         self.draws.report(&mut result);
+        result["samples_with_contacts_left_out"] = serde_json::json!(self.loads.incomplete());
         result["torque_bias"] = serde_json::json!(self.channel.bias());
         Some(result)
     }
 }
 
-/// The torque about the axis of a joint, or the force along it, of the wrench through it.
+/// The torque about the axis of a joint, or the force along it, of the mean wrench through it, with the axis
+/// in the middle of the interval.
 fn along_axis(loads: &TrueLoads, joint: usize, link: FrameId) -> f64 {
     let model = loads.model();
-    let (wrench, body) = (loads.through(link), loads.kinematics().body_pose(model.joint_body(joint)));
-    let (force, torque) = wrench.seen_from(&body);
+    let (force, torque) = loads.through(link).seen_from(&loads.middle(joint));
     let joint = model.joint(joint);
     if joint.kind == JointKind::Prismatic { joint.axis.dot(&force) } else { joint.axis.dot(&torque) }
 }

@@ -3,7 +3,7 @@
 use motorium::prelude::*;
 use motorium::state::{ContactImpulses, Contacts, Randomisation};
 use motorium_robots::{FrameId, Kinematics, Model};
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::robot::{Mount, Needs, TrueMotion, name};
 use crate::encoder::StateTimes;
@@ -104,6 +104,24 @@ impl MeanContacts {
     }
 }
 
+/// A frame whose pose in the middle of each interval is needed.
+#[derive(Clone, Copy)]
+pub(super) enum Axes {
+    /// Fixed to a link, with its pose there.
+    Link(FrameId, Isometry3<f64>),
+    /// A body that a joint moves.
+    Body(usize),
+}
+
+impl Axes {
+    fn pose(self, model: &Model, kinematics: &Kinematics) -> Isometry3<f64> {
+        match self {
+            Self::Link(link, pose) => kinematics.pose(model, link) * pose,
+            Self::Body(body) => kinematics.body_pose(body),
+        }
+    }
+}
+
 /// The wrenches between the links of a robot.
 pub(super) struct TrueLoads {
     motion: TrueMotion,
@@ -112,6 +130,10 @@ pub(super) struct TrueLoads {
     drawn: Drawn,
     loads: Loads,
     gravity: Vector3<f64>,
+    /// Frames, and their poses at the last sample and at the newest.
+    axes: Vec<(Axes, [Isometry3<f64>; 2])>,
+    /// Samples whose contacts are incomplete.
+    cut: u64,
 }
 
 impl TrueLoads {
@@ -138,6 +160,8 @@ impl TrueLoads {
             loads: Loads::new(motion.model(), gravity),
             gravity,
             motion,
+            axes: Vec::new(),
+            cut: 0,
         })
     }
 
@@ -146,9 +170,21 @@ impl TrueLoads {
         self.motion.model()
     }
 
-    /// Poses of the links, as of the newest sample.
-    pub(super) fn kinematics(&self) -> &Kinematics {
-        self.motion.kinematics()
+    /// Follows the poses of these frames.
+    pub(super) fn follow(&mut self, axes: impl IntoIterator<Item = Axes>) {
+        self.axes = axes.into_iter().map(|axes| (axes, [Isometry3::identity(); 2])).collect();
+    }
+
+    /// Pose of the followed frame of this index in the middle of the interval that the newest truth closed. A
+    /// mean wrench in these axes is
+    /// of second order in the length of the interval.
+    pub(super) fn middle(&self, index: usize) -> Isometry3<f64> {
+        let [before, now] = &self.axes[index].1;
+        Isometry3::from_parts(
+            before.translation.vector.lerp(&now.translation.vector, 0.5).into(),
+            // Half a turn apart there is no middle.
+            before.rotation.try_slerp(&now.rotation, 0.5, 1e-9).unwrap_or(now.rotation),
+        )
     }
 
     /// Position and velocity of the joints, as of the newest sample.
@@ -163,7 +199,7 @@ impl TrueLoads {
 
     /// Takes in the newest truth. Its times, if it is new and closes an interval.
     pub(super) fn newest(&mut self, tick: &Tick) -> Result<Option<StateTimes>, StepError> {
-        let Self { motion, contacts, impulses, drawn, loads, gravity } = self;
+        let Self { motion, contacts, impulses, drawn, loads, gravity, axes, cut } = self;
         let Some(times) = motion.newest()?.map(|motion| motion.times) else { return Ok(None) };
         if let Some(drawn) = drawn.newest(tick) {
             let model = motion.model();
@@ -179,6 +215,7 @@ impl TrueLoads {
         let closed = match (impulses.newest(dt), contacts.latest()) {
             (Some(outside), _) => loads.sample_wrenches(times.state, model, kinematics, outside),
             (None, Some(points)) => {
+                *cut += u64::from(points.cut > 0);
                 let outside = (0..points.count()).map(|index| OutsideForce {
                     link: points.link()[index] as usize,
                     point: Point3::new(
@@ -196,11 +233,22 @@ impl TrueLoads {
             }
             (None, None) => loads.sample(times.state, model, kinematics, []),
         };
+        for (axes, [before, now]) in axes {
+            let pose = axes.pose(model, kinematics);
+            *before = if closed { *now } else { pose };
+            *now = pose;
+        }
         Ok(closed.then_some(times))
+    }
+
+    /// Samples of this episode whose `contacts` were incomplete.
+    pub(super) fn incomplete(&self) -> u64 {
+        self.cut
     }
 
     /// Goes back to the start.
     pub(super) fn reset(&mut self) {
+        self.cut = 0;
         self.motion.reset();
         self.drawn.reset();
         self.loads.forget();

@@ -5,7 +5,7 @@ use core::ops::Range;
 use super::super::cone::PointAnswer;
 use super::super::site::{Couple, ObjectRow, Side};
 use super::super::sweeps::{Island, Reduced};
-use super::{IMMOVABLE, Impulses, inverse};
+use super::{IMMOVABLE, Impulses};
 
 impl Impulses {
     /// Solves an island over its Delassus matrix.
@@ -88,9 +88,11 @@ impl Impulses {
     /// Adapts the target of a contact point to its mobility along the normal \[1/kg\], the first of its three.
     fn aim(&mut self, index: usize, [mobility, one, other]: [f64; 3]) {
         let site = &mut self.sites[index];
-        let of_robots: f64 = site.articulations().map(|of| self.masses[of]).sum();
-        let mass = if of_robots > 0.0 { of_robots } else { self.masses.iter().sum() };
-        let inverse_mass = inverse(mass);
+        // Only the two that meet count: what else is in the world has no part in their contact.
+        let articulations = site.articulations().map(|of| self.inverse_masses[of]);
+        let objects = site.sides.iter().filter_map(|side| side.object());
+        let inverse_mass: f64 =
+            articulations.chain(objects.map(|object| self.bodies[object].inverse_mass)).sum();
         let mobility = if site.couple.is_some() { mobility.max(one).max(other) } else { mobility };
         site.immovable = mobility < IMMOVABLE * inverse_mass;
         if site.overlapping {

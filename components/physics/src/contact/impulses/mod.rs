@@ -18,7 +18,7 @@ use super::islands::Islands;
 use super::objects::FreeBody;
 use super::site::{Mobility, ObjectRow, Side, Site};
 use super::sweeps::Room;
-use crate::robot::Articulation;
+use crate::robot::{Articulation, Robot};
 pub(crate) use warm::Known;
 
 /// Overlap decays at this rate \[1/s\].
@@ -27,8 +27,9 @@ const RECOVERY_RATE: f64 = 50.0;
 /// And no faster than this \[m/s\].
 const FASTEST_RECOVERY: f64 = 0.5;
 
-/// Smallest mobility of a contact point (its diagonal entry of W) relative to that of a free body of the robot's
-/// mass. Below it the joints hold the point, which needs no impulse.
+/// Smallest mobility of a contact point (its diagonal entry of W) relative to the mobility of free bodies
+/// with the masses of
+/// the two parties. Below it the joints hold the point, which needs no impulse.
 const IMMOVABLE: f64 = 1e-9;
 
 /// Most contact points of an island whose Delassus matrix is formed: with a robot, whose joints couple all of its points, and of
@@ -47,7 +48,8 @@ const DENSE_FREE: usize = 12;
 ///
 /// Signorini's condition and Coulomb's law on velocities (Moreau 1988), with the cone itself, not a pyramid. Overlap
 /// decays at a rate (Baumgarte 1972) and no target demands more than 0.5 m/s, nor more kinetic energy than the
-/// robot's mass has at that speed: where joints hardly let a point move, recovery is slower. The impulses of the last
+/// two parties have at that speed: where joints hardly let a point move, recovery is slower. The impulses of
+/// the last
 /// step are the first guess. Surfaces that resist rolling or spinning add [torques](couples), each within a bound of its own
 /// that grows with `lambda_n`.
 ///
@@ -77,8 +79,8 @@ pub(crate) struct Impulses {
     falling: Vec<FreeBody>,
     /// Rows of J over them, three for each contact point of an island whose matrix is formed.
     rows: Vec<[Option<ObjectRow>; 2]>,
-    /// Masses of the articulations \[kg\].
-    masses: Vec<f64>,
+    /// Inverse of the mass of each articulation, its armatures at an arm of 1 m included \[1/kg\].
+    inverse_masses: Vec<f64>,
     /// Half the solution for all impulses (nv).
     sum: Vec<f64>,
     pub(super) lambda: Vec<f64>,
@@ -113,7 +115,8 @@ pub(crate) trait MovedByImpulses {
 
 impl Impulses {
     /// For these articulations, so many free objects, and up to `most` contact points.
-    pub(crate) fn new(articulations: &[Articulation], objects: usize, most: usize) -> Self {
+    pub(crate) fn new(robot: &Robot, objects: usize, most: usize) -> Self {
+        let articulations = &robot.articulations;
         let n = articulations.last().map_or(0, |last| last.v().end);
         let mut impulses = Self {
             n,
@@ -127,7 +130,7 @@ impl Impulses {
             bodies: Vec::with_capacity(objects),
             falling: Vec::with_capacity(objects),
             rows: vec![[None; 2]; 3 * DENSE],
-            masses: Vec::new(),
+            inverse_masses: Vec::new(),
             sum: vec![0.0; n],
             lambda: vec![0.0; 3 * most],
             room: Room::new(most, n, objects),
@@ -137,7 +140,7 @@ impl Impulses {
             keys: Vec::with_capacity(most),
             last: Vec::with_capacity(most),
         };
-        impulses.set_masses(articulations);
+        impulses.set_masses(robot);
         impulses
     }
 
@@ -158,9 +161,12 @@ impl Impulses {
     }
 
     /// Takes over the masses of the articulations.
-    pub(crate) fn set_masses(&mut self, articulations: &[Articulation]) {
-        self.masses.clear();
-        self.masses.extend(articulations.iter().map(|own| own.model().mass()));
+    pub(crate) fn set_masses(&mut self, robot: &Robot) {
+        self.inverse_masses.clear();
+        self.inverse_masses.extend(robot.articulations.iter().map(|own| {
+            let armatures: f64 = robot.joints[own.joints()].iter().map(|joint| joint.armature).sum();
+            inverse(own.model().mass() + armatures)
+        }));
     }
 
     /// Forgets the last step.

@@ -17,14 +17,17 @@ impl ContactScene {
         });
     }
 
-    /// Connects two parts, each with the frame that they share as it lies in it.
+    /// Connects two parts, each with the frame that they share as it lies in it; `links` are the indices of
+    /// the
+    /// [sums](crate::contact::ImpulseSums::link) of the links among them.
     pub(crate) fn connect(
         &mut self,
         members: [Member; 2],
         frames: [Isometry3<f64>; 2],
+        links: [Option<usize>; 2],
         kind: (ConnectionKind, bool),
     ) {
-        self.connections.add(&self.colliders.colliders, members, frames, kind);
+        self.connections.add(&self.colliders.colliders, members, frames, links, kind);
         self.make_room();
         self.objects.wake();
     }
