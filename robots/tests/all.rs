@@ -37,6 +37,7 @@ mod terrain;
 mod urdf_faults;
 mod urdf_reading;
 mod witnesses;
+mod world_surfaces;
 mod worlds;
 
 #[path = "../examples/forward_kinematics.rs"]

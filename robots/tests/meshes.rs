@@ -108,6 +108,66 @@ fn stl_and_obj_give_the_same_cube() {
     }
 }
 
+/// Corners of an L of thickness 1 and area 3, and its faces, each with the notch where a fan would cover it.
+const L: [[i32; 2]; 6] = [[0, 0], [2, 0], [2, 2], [1, 2], [1, 1], [0, 1]];
+
+fn l_faces() -> Vec<Vec<usize>> {
+    let sides = (0..6).map(|i| vec![i, (i + 1) % 6, (i + 1) % 6 + 6, i + 6]);
+    [vec![5, 4, 3, 2, 1, 0], vec![8, 9, 10, 11, 6, 7]].into_iter().chain(sides).collect()
+}
+
+/// Area of the triangles in the plane `z`.
+fn area(mesh: &TriangleMesh, z: f64) -> f64 {
+    let corner = |index: u32| mesh.points[index as usize];
+    let inside = |triangle: &&[u32; 3]| triangle.iter().all(|index| corner(*index).z == z);
+    let area = |&[a, b, c]: &[u32; 3]| 0.5 * (corner(b) - corner(a)).cross(&(corner(c) - corner(a))).norm();
+    mesh.triangles.iter().filter(inside).map(area).sum()
+}
+
+#[test]
+fn concave_polygons_keep_their_notches() {
+    let folder = tempfile::tempdir().unwrap();
+    let corners = || [0, 1].into_iter().flat_map(|z| L.map(|[x, y]| [x, y, z]));
+    for turn in 0..6 {
+        let mut faces = l_faces();
+        faces[..2].iter_mut().for_each(|face| face.rotate_left(turn));
+        let mut obj: String = corners().map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+        for face in &faces {
+            let indices: Vec<String> = face.iter().map(|corner| (corner + 1).to_string()).collect();
+            obj += &format!("f {}\n", indices.join(" "));
+        }
+        let numbers: String = corners().flatten().map(|x| format!("{x} ")).collect();
+        let counts: String = faces.iter().map(|face| format!("{} ", face.len())).collect();
+        let indices: String = faces.iter().flatten().map(|corner| format!("{corner} ")).collect();
+        let dae = format!(
+            "<COLLADA><library_geometries><geometry id=\"g\"><mesh><source id=\"s\"><float_array>{numbers}</float_array>\
+             </source><vertices id=\"v\"><input semantic=\"POSITION\" source=\"#s\"/></vertices><polylist>\
+             <input semantic=\"VERTEX\" source=\"#v\" offset=\"0\"/><vcount>{counts}</vcount><p>{indices}</p></polylist>\
+             </mesh></geometry></library_geometries></COLLADA>"
+        );
+        for (name, text) in [("l.obj", obj), ("l.dae", dae)] {
+            let mesh = TriangleMesh::read(&write(folder.path(), name, text)).unwrap();
+            assert_eq!(mesh.triangles.len(), 20, "{name}, {turn}");
+            assert_relative_eq!(volume(&mesh), 3.0, epsilon = 1e-12);
+            assert_relative_eq!(area(&mesh, 0.0), 3.0, epsilon = 1e-12);
+            assert_relative_eq!(area(&mesh, 1.0), 3.0, epsilon = 1e-12);
+        }
+    }
+}
+
+#[test]
+fn collada_faces_that_are_not_read_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    for (element, expected) in [("tristrips", "<tristrips> is not supported"), ("trifans", "<trifans>")] {
+        let text = dae().replace("polylist", element);
+        let error = TriangleMesh::read(&write(folder.path(), "strip.dae", text)).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    let holed = dae().replace("polylist", "polygons").replace("<p>", "<ph><p>").replace("</p>", "</p></ph>");
+    let error = TriangleMesh::read(&write(folder.path(), "hole.dae", holed)).unwrap_err().to_string();
+    assert!(error.contains("polygons with holes are not supported"), "{error}");
+}
+
 #[test]
 fn collada_honours_units_nodes_and_repeated_instances() {
     let folder = tempfile::tempdir().unwrap();

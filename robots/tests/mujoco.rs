@@ -261,3 +261,30 @@ fn a_coupling_of_first_order_is_a_mimic_joint() {
     let free = LoadOptions { mimic: MimicMode::Independent, ..LoadOptions::default() };
     assert_eq!(parse_mjcf(text, None, &free).unwrap().model.nv(), 2);
 }
+
+/// `kp` and `kd` of MuJoCo 4.0.0: `gainprm[0]`, and `-biasprm[2]`.
+#[test]
+fn actuators_of_a_class_share_one_default() {
+    let general = r#"<general biastype="affine" gainprm="200" biasprm="0 -200 -10"/>"#;
+    for (class, actuator, gains) in [
+        (general, "<position joint=\"j\"/>", Some((200.0, 10.0))),
+        (general, "<position joint=\"j\" kp=\"300\"/>", Some((300.0, 10.0))),
+        (general, "<general joint=\"j\"/>", Some((200.0, 10.0))),
+        (r#"<position kp="50" kv="3"/>"#, "<general joint=\"j\"/>", Some((50.0, 3.0))),
+        (r#"<position kp="50" kv="3"/>"#, "<position joint=\"j\" kv=\"4\"/>", Some((50.0, 4.0))),
+        (r#"<position kp="50"/>"#, "<general joint=\"j\" gainprm=\"60\"/>", None),
+        ("<motor/>", "<position joint=\"j\" kp=\"7\"/>", Some((7.0, 0.0))),
+        (r#"<velocity kv="9"/>"#, "<general joint=\"j\"/>", None),
+    ] {
+        let text = format!(
+            "<mujoco><default>{class}</default><worldbody><body><joint name=\"j\"/><geom size=\"0.1\"/></body></worldbody>\
+             <actuator>{actuator}</actuator></mujoco>"
+        );
+        let robot = parse_mjcf(&text, None, &LoadOptions::default()).unwrap();
+        let found = robot.profile.and_then(|profile| profile.gains).map(|gains| {
+            let first = |values: motorium_robots::PerJoint| values.resolve(1).unwrap()[0];
+            (first(gains.kp), first(gains.kd))
+        });
+        assert_eq!(found, gains, "{class} {actuator}");
+    }
+}

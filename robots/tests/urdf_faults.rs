@@ -259,3 +259,33 @@ fn xacro_is_told_from_a_faulty_urdf_however_it_shows() {
         assert_eq!(error.at.unwrap().line, line, "{error}");
     }
 }
+
+#[test]
+fn mimics_of_floating_and_planar_joints_are_refused() {
+    for (leader, follower) in [("floating", "continuous"), ("planar", "continuous"), ("planar", "planar")] {
+        let text = joints(&format!(
+            "<joint name=\"ab\" type=\"{leader}\"><parent link=\"a\"/><child link=\"b\"/></joint>\n\
+             <joint name=\"bc\" type=\"{follower}\"><parent link=\"b\"/><child link=\"c\"/><mimic joint=\"ab\"/></joint>"
+        ));
+        assert_eq!(
+            fault(&text),
+            format!(
+                "robot.urdf:6:1: joint \"bc\" mimics \"ab\", which is {leader} and has no single position; expected a \
+                 revolute, continuous or prismatic joint"
+            )
+        );
+    }
+}
+
+#[test]
+fn floating_joint_that_mimics_is_refused() {
+    let text = joints(
+        "<joint name=\"ab\" type=\"floating\"><parent link=\"a\"/><child link=\"b\"/><mimic joint=\"bc\"/></joint>\n\
+         <joint name=\"bc\" type=\"continuous\"><parent link=\"b\"/><child link=\"c\"/></joint>",
+    );
+    assert!(
+        fault(&text).starts_with("robot.urdf:5:1: joint \"ab\" is a floating mimic joint; "),
+        "{}",
+        fault(&text)
+    );
+}

@@ -6,6 +6,7 @@ use super::attributes::{Attributes, Element, MAIN};
 use super::drives::{Drives, PositionDrive};
 use super::equality::joint_named;
 use super::error::{MjcfError, MjcfProblem};
+use super::gains::Gains;
 use super::schema::{ACTUATOR, ACTUATORS, TENDON};
 use crate::Body;
 
@@ -84,25 +85,14 @@ fn position_drive(
     tag: &str,
     gear: f64,
 ) -> Result<Option<PositionDrive>, MjcfError> {
-    let (kp, kd, damping_ratio) = match tag {
-        "position" => {
-            (actuator.number("kp", 1.0)?, actuator.number("kv", 0.0)?, actuator.number("dampratio", 0.0)?)
-        }
-        "general" => {
-            let kind = |name, expected| actuator.get(name).unwrap_or(expected) == expected;
-            let [gain, ..] =
-                actuator.first_numbers("gainprm", [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])?;
-            let [offset, slope, rate, ..] = actuator.first_numbers("biasprm", [0.0; 10])?;
-            let affine = actuator.get("biastype") == Some("affine") && kind("gaintype", "fixed");
-            // gain (u - q) - rate v: anything else is no servo of positions.
-            if !(affine && offset == 0.0 && gain > 0.0 && (slope + gain).abs() <= 1e-9 * gain) {
-                return Ok(None);
-            }
-            // MuJoCo takes a positive number for a ratio to critical damping.
-            (gain, (-rate).max(0.0), rate.max(0.0))
-        }
-        _ => return Ok(None),
-    };
+    let Gains { gain, bias: [offset, slope, rate], is_fixed, is_affine } = Gains::read(actuator)?;
+    // gain (u - q) - rate v: anything else is no servo of positions.
+    let is_servo = is_fixed && is_affine && (slope + gain).abs() <= 1e-9 * gain;
+    if !(tag == "position" || tag == "general" && is_servo && offset == 0.0) {
+        return Ok(None);
+    }
+    // MuJoCo takes a positive number for a ratio to critical damping.
+    let (kp, kd, damping_ratio) = (gain, (-rate).max(0.0), rate.max(0.0));
     let squared = gear * gear;
     Ok((kp > 0.0).then_some(PositionDrive { kp: kp * squared, kd: kd * squared, damping_ratio }))
 }

@@ -14,6 +14,9 @@ use crate::{ModelWarning, Position};
 /// The class of elements that name none.
 pub(super) const MAIN: &str = "main";
 
+/// The key of the elements of a class, in place of an attribute: an element without attributes counts, too.
+const ELEMENT: &str = "";
+
 /// A value and the element that gives it.
 #[derive(Clone, Copy)]
 struct Given<'a, 'i> {
@@ -70,6 +73,7 @@ impl<'a, 'i> Attributes<'a, 'i> {
             if self.orientation(element)?.is_some() {
                 values.retain(|name, _| !POSE[1..].contains(name));
             }
+            values.entry(ELEMENT).or_default().push(Given { value: tag, node: element });
             for attribute in element.attributes() {
                 let given = Given { value: attribute.value(), node: element };
                 values.entry(attribute.name()).or_default().push(given);
@@ -298,6 +302,23 @@ impl<'a, 'i> Element<'_, 'a, 'i> {
             numbers[..first.len()].copy_from_slice(&first);
         }
         Ok(numbers)
+    }
+
+    /// The elements that set the attributes: those of the class and of its parents, in order, then the element itself.
+    pub(super) fn elements(&self) -> impl Iterator<Item = Node<'a, 'i>> {
+        let class = self.defaults.and_then(|defaults| defaults.get(ELEMENT)).map_or(&[][..], Vec::as_slice);
+        class.iter().map(|given| given.node).chain([self.node])
+    }
+
+    /// The numbers that one of the [`elements`](Self::elements) sets, at most `most`; none without the attribute.
+    pub(super) fn own_numbers(
+        &self,
+        node: Node<'_, '_>,
+        name: &str,
+        most: usize,
+    ) -> Result<Vec<f64>, MjcfError> {
+        let value = node.attribute(name);
+        value.map_or(Ok(Vec::new()), |value| self.attributes.parse(node, name, value, 1..=most))
     }
 
     /// Refuses an attribute that the element or its class gives.

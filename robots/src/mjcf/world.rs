@@ -10,6 +10,7 @@ use super::attributes::{Attributes, Element, MAIN, named};
 use super::bodies::{DEEPEST, body_name};
 use super::build::parsed;
 use super::compiler::Compiler;
+use super::contacts::{Contacts, surface};
 use super::error::{MjcfError, MjcfProblem};
 use super::free_bodies::{FreeGeom, Weight, object};
 use super::geoms::{Geom, Geoms};
@@ -139,7 +140,8 @@ fn read(text: &str, file: Option<&Path>) -> Result<MjcfWorld, MjcfError> {
     }
     let fields = height_fields::read(root, &attributes, &compiler, file)?;
     let (bodies, free, within) = (HashMap::new(), Vec::new(), Vec::new());
-    let mut reader = Reader { geoms: &geoms, fields, world, bodies, free, within, looks: Looks::default() };
+    let (looks, contacts) = (Looks::default(), Contacts::default());
+    let mut reader = Reader { geoms: &geoms, fields, world, bodies, free, within, looks, contacts };
     for section in root.children().filter(|section| section.has_tag_name("worldbody")) {
         reader.contents(section, &Place { within: Isometry3::identity(), class: MAIN, frees: false })?;
     }
@@ -175,6 +177,7 @@ struct Reader<'b, 'a, 'i> {
     /// The bodies that it consists of, with their poses in the world.
     within: Vec<(String, Isometry3<f64>)>,
     looks: Looks,
+    contacts: Contacts<'a, 'i>,
 }
 
 impl<'a, 'i> Reader<'_, 'a, 'i> {
@@ -270,16 +273,12 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
     fn geom(&mut self, node: Node<'a, 'i>, place: &Place<'a>) -> Result<(), MjcfError> {
         let attributes = self.geoms.attributes;
         let read = attributes.element(node, place.class, &GEOM)?;
-        let [friction, torsional, rolling] = read.first_numbers("friction", [1.0, 0.005, 0.0001])?;
-        let directions = read.number("condim", 3.0)?;
-        let friction = if directions > 1.0 { friction } else { 0.0 };
-        let torsional_friction = if directions > 3.0 { torsional } else { 0.0 };
-        let rolling_friction = if directions > 4.0 { rolling } else { 0.0 };
-        let surface = Object { friction, torsional_friction, rolling_friction, ..Object::default() };
+        let surface = surface(&read)?;
+        let Object { friction, torsional_friction, rolling_friction, .. } = surface;
         if read.get("type") == Some("hfield") {
             return self.field(&read, place, surface);
         }
-        let Geom { placement, geometry, kept, colour, is_seen, inertia, .. } =
+        let Geom { placement, geometry, kept, colour, is_seen, inertia, masks, .. } =
             self.geoms.read(node, place.class, !place.frees)?;
         if !kept && place.frees && !inertia.as_ref().is_ok_and(|inertia| inertia.mass == 0.0) {
             return Err(self.other(
@@ -292,6 +291,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             attributes.ignored(node, "geom".to_owned(), "it touches nothing, and a world holds what touches");
             return Ok(());
         }
+        self.contacts.add(attributes, node, masks)?;
         let pose = place.within * placement;
         if place.frees {
             if inertia.is_err() {
@@ -348,6 +348,7 @@ impl<'a, 'i> Reader<'_, 'a, 'i> {
             self.geoms.attributes.ignored(read.node, "geom".to_owned(), reason);
             return Ok(());
         }
+        self.contacts.add(self.geoms.attributes, read.node, masks.map(|mask| mask as i32))?;
         let shape = MeshShape::of_mesh(name, mesh.clone(), MeshCollision::Triangles);
         let pose = place.within * pose(read, self.geoms.compiler)?;
         let look = self.geoms.look(read)?;

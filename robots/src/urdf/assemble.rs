@@ -112,6 +112,9 @@ impl Assembly<'_> {
         let (parent, at) = self.places[edge.parent].expect("a parent link is added before its children");
         let placement = at * joints::pose(&joint.origin);
         let kind = match joint.joint_type {
+            JointType::Floating if follows[edge.joint].is_some() => {
+                return joints::unsupported(joint, source, "a floating mimic joint").map(drop);
+            }
             JointType::Floating => return self.add_floating(edge, parent, placement),
             JointType::Planar => return self.add_planar(edge, columns[edge.joint], (parent, placement)),
             _ => match joints::kind(joint, source)? {

@@ -173,6 +173,19 @@ pub enum UrdfProblem {
         /// The fixed joint.
         of: String,
     },
+    /// A joint that mimics one with several coordinates.
+    #[error(
+        "joint \"{joint}\" mimics \"{of}\", which is {kind} and has no single position; expected a revolute, continuous \
+         or prismatic joint"
+    )]
+    MimicOfSeveral {
+        /// Joint at fault.
+        joint: String,
+        /// The joint that it names.
+        of: String,
+        /// `floating` or `planar`.
+        kind: &'static str,
+    },
     /// Joints that mimic each other.
     #[error("the joints mimic each other in a loop: {}", .0.join(" -> "))]
     MimicLoop(Vec<String>),

@@ -36,6 +36,15 @@ pub(crate) fn resolve(robot: &Robot, survey: &Survey) -> Result<Vec<Option<Follo
                 if fixed(next) {
                     return error(UrdfProblem::MimicOfFixed { joint, of });
                 }
+                // Their position is not one number that a factor and an offset could apply to.
+                let kind = match robot.joints[next].joint_type {
+                    JointType::Floating => Some("floating"),
+                    JointType::Planar => Some("planar"),
+                    _ => None,
+                };
+                if let Some(kind) = kind {
+                    return error(UrdfProblem::MimicOfSeveral { joint, of, kind });
+                }
                 let again = chain.contains(&next);
                 chain.push(next);
                 if again {

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{WorldError, positive};
+use super::WorldError;
 use crate::{Geometry, MeshError, TriangleMesh, TriangleSurface, VolumeProperties};
 
 /// Corners of a convex part of a mesh, at most.
@@ -37,7 +37,7 @@ pub struct MeshShape {
     /// File of the mesh: `.stl`, `.obj` or `.dae`. A relative path begins at the folder of the graph.
     #[schemars(extend("format" = "path"))]
     pub file: PathBuf,
-    /// Scale along x, y and z. Default 1: the file is in metres.
+    /// Scale along x, y and z, not 0; a negative one mirrors the mesh. Default 1: the file is in metres.
     #[serde(default = "unscaled")]
     pub scale: [f64; 3],
     /// The shape that touches. Default: the convex hull.
@@ -135,7 +135,10 @@ impl MeshShape {
 
     /// Checks numbers and files.
     pub(super) fn check(&self, owner: &str, moves: bool) -> Result<(), WorldError> {
-        self.scale.iter().try_for_each(|scale| positive(owner, "scale", *scale))?;
+        for scale in self.scale {
+            let good = scale.is_finite() && scale != 0.0;
+            super::check(owner, "scale", scale, good, "a number other than 0")?;
+        }
         if let MeshCollision::Parts(parts) = self.collision {
             let good = (1..=MOST_PARTS).contains(&parts);
             super::check(owner, "parts", parts as f64, good, "a whole number from 1 to 64")?;

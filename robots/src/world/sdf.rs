@@ -1,32 +1,17 @@
 //! Worlds from SDF (SDFormat 1.4 to 1.11), a subset: models of one link or fixed ones, with primitives, planes and meshes.
 
+mod schema;
+mod surface;
+
 use std::path::Path;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use roxmltree::{Document, Node};
 
+use self::schema::Treatment;
 use super::file::{Read, WorldFileError, fixed, mesh, problem, unique};
 use super::{Ground, Object, ObjectShape, World};
 use crate::{ModelWarning, Position};
-
-/// Elements without effect on what is read.
-const SKIPPED: [&str; 15] = [
-    "scene",
-    "light",
-    "gui",
-    "physics",
-    "plugin",
-    "audio",
-    "spherical_coordinates",
-    "magnetic_field",
-    "atmosphere",
-    "visual",
-    "sensor",
-    "self_collide",
-    "enable_wind",
-    "allow_auto_disable",
-    "velocity_decay",
-];
 
 /// Thickness of the box that stands for a plane with an end \[m\].
 const THICK: f64 = 0.1;
@@ -47,12 +32,17 @@ pub(super) fn read(path: &Path, document: &Document<'_>) -> Result<Read, WorldFi
                 }
             }
             "model" => reader.model(node)?,
+            // where SDF up to 1.4 states it
+            "physics" => {
+                if let Some(gravity) = child(node, "gravity").filter(|_| !reader.states_gravity) {
+                    (reader.world.gravity, reader.states_gravity) = (reader.numbers(gravity)?, true);
+                }
+            }
             "world" => return Err(problem(path, node, "a second <world>: a file holds one")),
             "include" => {
                 return Err(problem(path, node, "<include> is not read; write the model into the file"));
             }
-            name if SKIPPED.contains(&name) => {}
-            name => return Err(reader.unread(node, name)),
+            _ => reader.leave_out("world", node)?,
         }
     }
     let Reader { world, states_gravity, warnings, .. } = reader;
@@ -110,12 +100,22 @@ impl Reader<'_> {
 
     fn pose(&self, node: Node<'_, '_>) -> Result<Isometry3<f64>, WorldFileError> {
         let Some(pose) = child(node, "pose") else { return Ok(Isometry3::identity()) };
-        if pose.attribute("relative_to").is_some_and(|frame| !frame.is_empty()) {
-            return Err(problem(
-                self.path,
-                pose,
-                "a pose relative to another frame is not read; write it relative to what it stands in",
-            ));
+        // `frame` is the name of SDF 1.5 and 1.6 for the same
+        for attribute in ["relative_to", "frame"] {
+            if let Some(frame) = pose.attribute(attribute).filter(|frame| !frame.is_empty()) {
+                let text = format!(
+                    "a pose relative to another frame is not read, found {attribute}=\"{frame}\"; write it relative to what \
+                     it stands in"
+                );
+                return Err(problem(self.path, pose, text));
+            }
+        }
+        if let Some(format) = pose.attribute("rotation_format").filter(|format| *format != "euler_rpy") {
+            let text = format!("rotation_format=\"{format}\" is not read, expected euler_rpy");
+            return Err(problem(self.path, pose, text));
+        }
+        if pose.text().is_none_or(|text| text.trim().is_empty()) {
+            return Ok(Isometry3::identity());
         }
         let [x, y, z, mut roll, mut pitch, mut yaw] = self.numbers(pose)?;
         if pose.attribute("degrees").is_some_and(is_true) {
@@ -129,6 +129,10 @@ impl Reader<'_> {
 
     fn model(&mut self, model: Node<'_, '_>) -> Result<(), WorldFileError> {
         let pose = self.pose(model)?;
+        if let Some(frame) = model.attribute("placement_frame").filter(|frame| !frame.is_empty()) {
+            let text = format!("placement_frame=\"{frame}\" is not read; write the pose of the model itself");
+            return Err(problem(self.path, model, text));
+        }
         let is_static = child(model, "static").and_then(|node| node.text()).is_some_and(is_true);
         let name = model.attribute("name").unwrap_or("model");
         let links = || model.children().filter(|node| node.has_tag_name("link"));
@@ -145,8 +149,7 @@ impl Reader<'_> {
                         ),
                     ));
                 }
-                name if SKIPPED.contains(&name) => {}
-                name => return Err(self.unread(node, name)),
+                _ => self.leave_out("model", node)?,
             }
         }
         if let Some(second) = links().nth(1).filter(|_| !is_static) {
@@ -179,8 +182,7 @@ impl Reader<'_> {
                 "inertial" if moves => mass = self.mass(node, link)?,
                 "inertial" => {}
                 "collision" => found += 1,
-                name if SKIPPED.contains(&name) => {}
-                name => return Err(self.unread(node, name)),
+                _ => self.leave_out("link", node)?,
             }
         }
         if moves && found != 1 {
@@ -209,28 +211,20 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The mass of a link that moves. Warns of a centre or an inertia that differ from those of its shape.
-    fn mass(&mut self, inertial: Node<'_, '_>, link: Node<'_, '_>) -> Result<Option<f64>, WorldFileError> {
-        if let Some(inertia) = child(inertial, "inertia") {
-            self.ignore(
-                inertia,
-                "<inertia> of <inertial>",
-                "an object has the inertia of its shape, of one density",
-            );
-        }
-        if let Some(pose) = child(inertial, "pose") {
-            let centre = self.pose(inertial)?.translation.vector;
-            let collision = child(link, "collision");
-            let shape = collision.map_or_else(|| Ok(Isometry3::identity()), |node| self.pose(node))?;
-            if (centre - shape.translation.vector).norm() > 1e-6 {
-                self.ignore(
-                    pose,
-                    "<pose> of <inertial>",
-                    "an object has the centre of mass of its shape, of one density",
-                );
+    /// Accepts, warns of or refuses an element that is not read.
+    fn leave_out(&mut self, section: &'static str, node: Node<'_, '_>) -> Result<(), WorldFileError> {
+        let name = node.tag_name().name();
+        match schema::treatment(section, name) {
+            Some(Treatment::NoEffect) => Ok(()),
+            Some(Treatment::Ignored(reason)) => {
+                self.ignore(node, &format!("<{name}> of <{section}>"), reason);
+                Ok(())
             }
+            Some(Treatment::Refused(reason)) => {
+                Err(problem(self.path, node, format!("<{name}> of <{section}> is not read: {reason}")))
+            }
+            None => Err(self.unread(node, name)),
         }
-        child(inertial, "mass").map(|_| self.number(inertial, "mass")).transpose()
     }
 
     /// Warns of something that is not taken over, once in a file.
@@ -260,7 +254,7 @@ impl Reader<'_> {
         let geometry = child(collision, "geometry")
             .and_then(|geometry| geometry.children().find(Node::is_element))
             .ok_or_else(|| problem(self.path, collision, "<collision> without a <geometry>"))?;
-        let friction = self.friction(collision)?;
+        let (friction, restitution) = self.surface(collision)?;
         let shape = match geometry.tag_name().name() {
             "box" => {
                 let size = child(geometry, "size")
@@ -277,12 +271,20 @@ impl Reader<'_> {
                 length: self.number(geometry, "length")?,
             },
             "mesh" => self.mesh(geometry)?,
-            "plane" => return self.plane((collision, geometry), model, &pose, (friction, mass.is_some())),
+            "plane" => {
+                return self.plane(
+                    (collision, geometry),
+                    model,
+                    &pose,
+                    (friction, restitution),
+                    mass.is_some(),
+                );
+            }
             name => return Err(self.unread(geometry, name)),
         };
         let name = unique(&self.world, model);
         self.paint(collision, &name);
-        self.world.objects.push(Object { mass, friction, ..fixed(name, shape, &pose) });
+        self.world.objects.push(Object { mass, friction, restitution, ..fixed(name, shape, &pose) });
         Ok(())
     }
 
@@ -304,16 +306,6 @@ impl Reader<'_> {
         if let [red, green, blue, ..] = parts[..] {
             let colour = [red, green, blue].map(|part| part.clamp(0.0, 1.0));
             self.world.appearance.colours.insert(object.to_owned(), colour);
-        }
-    }
-
-    /// The coefficient of a collision; SDF's default is 1.
-    fn friction(&self, collision: Node<'_, '_>) -> Result<f64, WorldFileError> {
-        let ode =
-            ["surface", "friction", "ode"].into_iter().try_fold(collision, |node, name| child(node, name));
-        match ode.filter(|ode| child(*ode, "mu").is_some()) {
-            Some(ode) => self.number(ode, "mu"),
-            None => Ok(1.0),
         }
     }
 
@@ -352,7 +344,8 @@ impl Reader<'_> {
         (collision, geometry): (Node<'_, '_>, Node<'_, '_>),
         model: &str,
         pose: &Isometry3<f64>,
-        (friction, moves): (f64, bool),
+        (friction, restitution): (f64, f64),
+        moves: bool,
     ) -> Result<(), WorldFileError> {
         if moves {
             return Err(problem(self.path, geometry, "a plane cannot move: make its model <static>"));
@@ -367,7 +360,8 @@ impl Reader<'_> {
         };
         let pose = pose * turn;
         if (pose.rotation * Vector3::z()).z > 1.0 - 1e-9 && self.world.ground.is_none() {
-            self.world.ground = Some(Ground { height: pose.translation.z, friction, ..Ground::default() });
+            self.world.ground =
+                Some(Ground { height: pose.translation.z, friction, restitution, ..Ground::default() });
             self.paint(collision, "ground");
             return Ok(());
         }
@@ -383,7 +377,7 @@ impl Reader<'_> {
         let pose = pose * Translation3::new(0.0, 0.0, -0.5 * THICK);
         let name = unique(&self.world, model);
         self.paint(collision, &name);
-        self.world.objects.push(Object { friction, ..fixed(name, shape, &pose) });
+        self.world.objects.push(Object { friction, restitution, ..fixed(name, shape, &pose) });
         Ok(())
     }
 }

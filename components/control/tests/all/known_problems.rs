@@ -3,7 +3,7 @@
 use approx::assert_abs_diff_eq;
 use motorium_control::solver::{
     ActiveSetSettings, ActiveSetSolver, ClarabelSettings, ClarabelSolver, Constraint, KktResidual, Problem,
-    QpSolver, Side, Sides, Solution, SolveError, Structure, UpdateError,
+    QpSolver, Side, Sides, Solution, SolveError, Structure, UpdateError, recorded,
 };
 use nalgebra::{DMatrix, DVector, dmatrix, dvector};
 
@@ -304,4 +304,77 @@ fn the_optimality_check_sees_a_wrong_solution() {
     let mut nan = good;
     nan.x[0] = f64::NAN;
     assert!(KktResidual::of(&problem, &nan).worst().is_nan());
+}
+
+/// Rows of the first from 2e0 to 3e6, of the second from 7e-5 to 2e7; quadprog and Clarabel solve both.
+#[test]
+fn rows_of_very_different_sizes_are_solved() {
+    for text in [ROWS_OF_SIX_DECADES, ROWS_OF_ELEVEN_DECADES] {
+        let (structure, problems) = recorded::read(text).unwrap();
+        let [interior, active] = solve(&structure, &problems[0]).map(Result::unwrap);
+        let scale = 1.0 + interior.x.amax();
+        assert_abs_diff_eq!(active.x, interior.x, epsilon = 1e-5 * scale);
+    }
+}
+
+const ROWS_OF_SIX_DECADES: &str = r#"{"P":[[0.4718064759462406,0.5001114701011853,-0.13290595797598082],[0.5001114701011853,0.9852160829753535,0.2190977960661532],[-0.13290595797598082,0.2190977960661532,1.2877917195040247]],"q":[-0.44213397384627257,-13.411146104149555,-6.416099322877649],"A":[],"b":[],"G":[[-39.84135959720176,1335.626841168837,-1117.5316747312957],[3201924.1649763924,-2408781.7275868948,1736720.0786818722],[-2.347943236575612,-34.5152679417033,3.028021892494017],[-1.7925466288227226e-07,-5.1304593623961084e-08,9.033117300980689e-08]],"lg":[1847.4190211261173,-5387300.0315543655,-38.92367157877605,-3.187991712884967e-07],"ug":[2405.154617690701,-2116747.349566604,-19.990461505433082,-1.7744096606349567e-07],"lb":[-1.9586220036462882,-1.5671998522080797,-3.636413285117689],"ub":[2.0413779963537118,2.4328001477919203,0.36358671488231087]}"#;
+const ROWS_OF_ELEVEN_DECADES: &str = r#"{"P":[[8.861492928633167,-6.145832090528106],[-6.145832090528106,4.706933184510699]],"q":[-6.657063242785543,-0.9427747759445124],"A":[],"b":[],"G":[[-0.027153289250896703,-0.03262395904656775],[-69.00097287192303,-82.24510326634781],[6.951989438215588e-05,6.267203282752492e-05],[-270755.8754818927,16858973.435054787]],"lg":[-0.04436704179661714,-73.73784401409151,3.831231009937935e-05,13810890.771194734],"ug":[-0.02229602162712683,-56.06580220005159,3.831231009937935e-05,16680763.225929283],"lb":[-2.2603700619905696,-1.099866291803718],"ub":[1.7396299380094304,2.900133708196282]}"#;
+
+/// The same problem with its rows in other units has the same solution, and multipliers in these units.
+#[test]
+fn units_of_rows_change_multipliers_and_not_the_solution() {
+    let structure = Structure::new(2).equalities(1).rows(2, Sides::Both);
+    let mut problem = Problem::new(&structure);
+    problem.hessian = dmatrix![2.0, 0.5; 0.5, 1.0];
+    problem.gradient = dvector![-3.0, 1.0];
+    problem.equality_matrix = dmatrix![1.0, 2.0];
+    problem.equality_value = dvector![0.5];
+    problem.row_matrix = dmatrix![1.0, -1.0; 1.0, 1.0];
+    problem.row_upper = dvector![0.25, 2.0];
+    let mut solver = ActiveSetSolver::new(structure.clone(), ActiveSetSettings::default());
+    solver.update(&problem).unwrap();
+    let expected = solver.solve().unwrap().clone();
+    for (equality, row) in [(1e8, 1e-8), (1e-6, 1e7), (1e-9, 1e-9), (1.0, 1e12), (1.0, 1.0)] {
+        let mut scaled = problem.clone();
+        scaled.equality_matrix *= equality;
+        scaled.equality_value *= equality;
+        scaled.row_matrix.row_mut(0).scale_mut(row);
+        scaled.row_upper[0] *= row;
+        // the first solve and one that begins with the working set of other units
+        for solver in
+            [&mut ActiveSetSolver::new(structure.clone(), ActiveSetSettings::default()), &mut solver]
+        {
+            solver.update(&scaled).unwrap();
+            let found = solver.solve().unwrap();
+            assert_abs_diff_eq!(found.x, expected.x, epsilon = 1e-12);
+            assert_abs_diff_eq!(
+                found.equality_dual[0] * equality,
+                expected.equality_dual[0],
+                epsilon = 1e-11
+            );
+            assert_abs_diff_eq!(found.row_dual[0] * row, expected.row_dual[0], epsilon = 1e-11);
+        }
+        assert_eq!(solver.iterations(), 0, "the warm start survives other units");
+    }
+}
+
+#[test]
+fn rows_of_any_size_that_contradict_are_infeasible() {
+    let structure = Structure::new(2).rows(2, Sides::Both);
+    for (one, other) in [(1.0, 1.0), (1e-8, 1e8), (1e7, 1e-5)] {
+        let mut problem = Problem::new(&structure);
+        problem.hessian.fill_with_identity();
+        problem.row_matrix = dmatrix![one, one; other, other];
+        problem.row_lower = dvector![2.0 * one, f64::NEG_INFINITY];
+        problem.row_upper = dvector![f64::INFINITY, 1.0 * other];
+        for outcome in solve(&structure, &problem) {
+            assert!(matches!(outcome, Err(SolveError::Infeasible { .. })), "{outcome:?}");
+        }
+    }
+}
+
+#[test]
+fn problem_without_variables_is_refused() {
+    let error = recorded::read(r#"[{"P": [], "q": []}]"#).unwrap_err().to_string();
+    assert_eq!(error, "problem 0: `q` is empty, expected one number per variable");
 }

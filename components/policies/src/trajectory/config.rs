@@ -89,7 +89,7 @@ impl From<HomeConfig> for TrajectoryConfig {
     }
 }
 
-/// The name that stands for the home pose of a profile, unless a pose is called so.
+/// The name of the home pose: the key `home` of the profile, or `start` of the graph file.
 pub(super) const HOME: &str = "home";
 
 /// A goal of the joints.

@@ -122,7 +122,8 @@ fn pose(name: &str, model: &Model, profile: Option<&Profile>, key: &str) -> Resu
         ConfigError::key(key, format!("robot `{}` has no profile, and no pose \"{name}\"", model.name()))
             .advise("`motorium robot profile` writes a first one, with the pose \"home\"")
     })?;
-    let name = if name == HOME && !profile.poses.contains_key(HOME) { &profile.home } else { name };
+    // `start` of the graph file sets the home pose and leaves a pose that is literally called "home" as it is
+    let name = if name == HOME { &profile.home } else { name };
     let pose = profile.pose(model, name).map_err(|error| ConfigError::key(key, error.to_string()))?;
     Ok(pose.as_slice().to_vec())
 }
@@ -205,4 +206,44 @@ fn limits(
         })
     };
     (0..model.joint_count()).map(of_joint).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// First goal of `config` for the planar arm with these settings and a profile whose pose "home" is zero.
+    fn first_goal(goal: &str, settings: serde_json::Value) -> Vec<f64> {
+        let folder = tempfile::tempdir().unwrap();
+        let profile = folder.path().join("profile.toml");
+        let text = "title = \"arm\"\nsources = []\njoints = [\"joint1\", \"joint2\", \"joint3\"]\nhome = \"home\"\n\
+                    [poses]\nhome = [0.0, 0.0, 0.0]\nbent = [0.1, 0.2, 0.3]\n";
+        std::fs::write(&profile, text).unwrap();
+        let robot = RobotReference {
+            name: "arm".to_owned(),
+            urdf: "planar-3r".to_owned(),
+            base: folder.path().to_owned(),
+            pose: None,
+            profile: Some(profile),
+            package_path: Vec::new(),
+            settings: Some(settings),
+        };
+        let config: TrajectoryConfig = toml::from_str(&format!(
+            "goals = [\"{goal}\"]\nlimits = {{ velocity = 1.0, acceleration = 1.0 }}"
+        ))
+        .unwrap();
+        let plan = Plan::new(&config, Some(&robot)).unwrap();
+        let mut position = vec![f64::NAN; 3];
+        plan.goals[0].write(&[0.0; 3], &mut position);
+        position
+    }
+
+    #[test]
+    fn home_is_the_start_of_the_graph() {
+        let start = serde_json::json!({ "start": [0.5, 0.4, 0.3] });
+        assert_eq!(first_goal("home", start), [0.5, 0.4, 0.3]);
+        assert_eq!(first_goal("home", serde_json::json!({ "start": "bent" })), [0.1, 0.2, 0.3]);
+        assert_eq!(first_goal("home", serde_json::json!({})), [0.0; 3]);
+        assert_eq!(first_goal("bent", serde_json::json!({ "start": [0.5, 0.4, 0.3] })), [0.1, 0.2, 0.3]);
+    }
 }

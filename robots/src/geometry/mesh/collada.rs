@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use nalgebra::{Matrix4, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::{Fault, MeshProblem, TriangleMesh, number};
+use super::{Fault, MeshProblem, TriangleMesh, ears, number};
 
 /// Largest depth of nodes: a deeper scene instances itself.
 const DEEPEST: usize = 64;
@@ -162,8 +162,13 @@ impl<'a, 'i> Reader<'a, 'i> {
         self.count(geometry)?;
         let Some(mesh) = child(geometry, "mesh") else { return Ok(()) };
         for part in mesh.children().filter(Node::is_element) {
-            if ["triangles", "polylist", "polygons"].contains(&part.tag_name().name()) {
-                self.part(part, pose)?;
+            match part.tag_name().name() {
+                "triangles" | "polylist" | "polygons" => self.part(part, pose)?,
+                name @ ("trifans" | "tristrips") => {
+                    let message = format!("<{name}> is not supported; export triangles");
+                    return Err(self.malformed(part, message));
+                }
+                _ => {}
             }
         }
         Ok(())
@@ -182,6 +187,9 @@ impl<'a, 'i> Reader<'a, 'i> {
         let Some((offset, positions)) = positions else {
             return Err(self.malformed(part, "a list of faces names no VERTEX input"));
         };
+        if let Some(holed) = child(part, "ph") {
+            return Err(self.malformed(holed, "polygons with holes are not supported; export triangles"));
+        }
         let first = self.mesh.points.len();
         for point in positions.chunks_exact(3) {
             let placed = pose.transform_point(&nalgebra::Point3::new(point[0], point[1], point[2]));
@@ -211,10 +219,9 @@ impl<'a, 'i> Reader<'a, 'i> {
                     return Err(self.malformed(list, "fewer corners than its faces need"));
                 };
                 rest = after;
-                if let [start, others @ ..] = face {
-                    let index = |corner: usize| (first + corner) as u32;
-                    let fan = others.windows(2).map(|pair| [index(*start), index(pair[0]), index(pair[1])]);
-                    self.mesh.triangles.extend(fan);
+                let face: Vec<u32> = face.iter().map(|corner| (first + corner) as u32).collect();
+                if !face.is_empty() {
+                    ears::triangulate(&self.mesh.points, &face, &mut self.mesh.triangles);
                 }
             }
         }

@@ -2,6 +2,7 @@
 
 mod collada;
 mod decompose;
+mod ears;
 mod hull;
 mod mass;
 mod obj;

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Fault, MeshProblem, TriangleMesh, number};
+use super::{Fault, MeshProblem, TriangleMesh, ears, number};
 
 pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
     let mut mesh = TriangleMesh::default();
@@ -27,8 +27,7 @@ pub(super) fn parse(text: &str) -> Result<TriangleMesh, Fault> {
                     let message = format!("a face has {} corners", corners.len());
                     return Err(at(MeshProblem::Malformed(message)));
                 }
-                // A polygon is a fan of triangles.
-                mesh.triangles.extend(corners[1..].windows(2).map(|pair| [corners[0], pair[0], pair[1]]));
+                ears::triangulate(&mesh.points, &corners, &mut mesh.triangles);
             }
             _ => {}
         }

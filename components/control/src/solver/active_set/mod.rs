@@ -32,16 +32,19 @@ mod iterate;
 mod kernels;
 mod refine;
 mod rounds;
+mod row_scales;
 mod working_set;
 
 use super::{Constraint, Problem, QpSolver, Side, Solution, SolveError, Structure, UpdateError};
 use kernels::{Lower, padded};
+use row_scales::RowScales;
 use working_set::{Member, WorkingSet};
 
 /// Settings of [`ActiveSetSolver`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActiveSetSettings {
-    /// Largest violation of a row or a bound, in its own unit; relative for bounds above one. Default 1e-10.
+    /// Largest violation of a row or a bound, in its own unit; relative for bounds above one. A row with a largest entry outside
+    /// 1/32 to 32 is scaled first, so that this entry is from 1 to 2. Default 1e-10.
     pub feasibility: f64,
     /// Largest number of iterations of one solve, the bound of its time: of changes of the working set, and of factorisations of the
     /// problem and its working set after the first. All that a solve tries counts. Default: `None`, ten times the number of constraints
@@ -79,7 +82,9 @@ pub struct ActiveSetSolver {
     structure: Structure,
     settings: ActiveSetSettings,
     instructions: pulp::Arch,
+    /// The problem with its rows scaled.
     problem: Problem,
+    scales: RowScales,
     updated: bool,
     work: Work,
     solution: Solution,
@@ -166,6 +171,7 @@ impl ActiveSetSolver {
         };
         Self {
             problem: Problem::new(&structure),
+            scales: RowScales::new(structure.equality_count(), structure.row_sides().len()),
             solution: Solution::new(&structure),
             structure,
             settings,
@@ -192,7 +198,8 @@ impl ActiveSetSolver {
         let (m, p) = (self.problem.equality_value.len(), self.problem.row_lower.len());
         self.work.working.members.iter().filter(move |member| member.constraint >= m).map(move |member| {
             let presses = if member.sign == 0.0 { member.multiplier } else { member.sign };
-            (constraints::name(m, p, member.constraint, presses), member.multiplier)
+            let multiplier = member.multiplier * self.scales.get(member.constraint);
+            (constraints::name(m, p, member.constraint, presses), multiplier)
         })
     }
 
@@ -230,6 +237,7 @@ impl ActiveSetSolver {
                 _ => continue,
             };
             let sign = if side == Side::Upper { 1.0 } else { -1.0 };
+            let multiplier = multiplier / self.scales.get(constraint);
             working.members.push(Member { constraint, sign, value: 0.0, multiplier, stays: false });
         }
     }
@@ -244,6 +252,7 @@ impl QpSolver for ActiveSetSolver {
         self.updated = false;
         problem.check(&self.structure)?;
         self.problem.copy_from(problem);
+        self.scales.apply(&mut self.problem, &mut self.work.working);
         self.updated = true;
         Ok(())
     }
@@ -255,6 +264,7 @@ impl QpSolver for ActiveSetSolver {
         let (problem, settings) = (&self.problem, self.settings);
         let run = iterate::Run { problem, settings, work: &mut self.work, solution: &mut self.solution };
         self.instructions.dispatch(run)?;
+        self.scales.restore(&mut self.solution);
         Ok(&self.solution)
     }
 

@@ -44,7 +44,7 @@ impl Run<'_> {
             work.residual[i] = -work.gradient[i];
         }
         work.residual[n..].fill(0.0);
-        for (j, column) in hessian.chunks_exact(n).enumerate() {
+        for (j, column) in hessian.chunks_exact(n.max(1)).enumerate() {
             let x = work.x[j];
             let mut sum = F::multiply_add(column[j] + work.shift, x, 0.0);
             for ((p, xi), r) in column[..j].iter().zip(&work.x).zip(&mut work.residual) {

@@ -46,6 +46,12 @@ pub enum RecordedError {
     /// The list is empty.
     #[error("it holds no problem")]
     Empty,
+    /// A problem without variables.
+    #[error("problem {problem}: `q` is empty, expected one number per variable")]
+    NoVariables {
+        /// Number of the problem, from 0.
+        problem: usize,
+    },
     /// A matrix that is not the same on both sides of its diagonal.
     #[error(
         "problem {problem}: `P` has {upper} in row {row}, column {column} and {lower} on the other side of the diagonal, expected a \
@@ -115,6 +121,9 @@ pub fn read(text: &str) -> Result<(Structure, Vec<Problem>), RecordedError> {
     };
     let all = all.map_err(|error| no_number(text, &error).unwrap_or(RecordedError::Syntax(error)))?;
     let first = all.first().ok_or(RecordedError::Empty)?;
+    if first.q.is_empty() {
+        return Err(RecordedError::NoVariables { problem: 0 });
+    }
     let sizes = (first.q.len(), first.b.len(), first.g.len());
     let problems: Vec<Problem> = all
         .into_iter()
