@@ -2,8 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use crate::algebra::{LeftSingular, left_singular};
 use crate::{Entry, Frame, Layout, LayoutError, LibraryParts, Metric, MotionLibrary, Truncation};
+use motorium_algebra::{LeftSingular, left_singular};
 
 /// Libraries that cannot be merged.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -195,7 +195,7 @@ fn independent(
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
     let sorted: Vec<f64> = order.iter().map(|k| values[*k]).collect();
-    let kept = super::algebra::count_wanted(&sorted, energy, truncation.wanted(basis.nrows()));
+    let kept = motorium_algebra::count_wanted(&sorted, energy, truncation.wanted(basis.nrows()));
     let order = &order[..kept];
     let movements: usize = libraries.iter().map(|library| library.entries().len()).sum();
     let mut block = DMatrix::zeros(values.len(), movements);

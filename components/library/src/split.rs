@@ -2,8 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use crate::algebra::{Wanted, left_singular};
 use crate::{Entry, Frame, LibraryParts, MotionLibrary, Part};
+use motorium_algebra::{Wanted, left_singular};
 
 impl MotionLibrary {
     /// The library of some DoFs alone, without the recordings.
