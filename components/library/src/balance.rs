@@ -1,7 +1,7 @@
 //! Eigenforces for the mean error instead of the mean square.
 
-use crate::algebra::left_singular;
 use crate::{BuildError, LibraryParts, MotionLibrary, Truncation};
+use motorium_algebra::left_singular;
 
 /// Rounds after which the weights hardly change.
 const ROUNDS: usize = 8;

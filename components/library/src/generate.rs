@@ -1,7 +1,7 @@
 //! Movements out of weights: at once, or step by step in a control loop.
 
-use crate::algebra::Simd;
 use crate::{Frame, MotionLibrary, SampledSpring};
+use motorium_algebra::Simd;
 
 /// Weights and a frame: a movement to be generated.
 #[derive(Clone, Debug, PartialEq)]

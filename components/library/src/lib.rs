@@ -18,7 +18,6 @@
 //! - [`Basis`]: eigenforces, Fourier functions and radial kernels side by side; [`evaluate`] measures them,
 //!   [`CrossValidation`] over several splits.
 //! - [`file`]: the file format. [`Recordings::read`]: recordings from JSON, JSONL and CSV. [`letters`]: letters by strokes of our own.
-//! - [`algebra`]: the linear algebra.
 //!
 //! **Metric.** The eigenforces of `F` leave the least *force* out. A part of the force that is left out at the beginning of a
 //! movement moves all of its path, one at the end hardly any: [`Metric::Position`] takes the singular vectors `u` of the
@@ -28,7 +27,6 @@
 //! split and merge, recursive decomposition. The response-weighted metric and the exact sampled spring are our own.
 //! Nothing here knows the runtime.
 
-pub mod algebra;
 mod balance;
 mod basis;
 pub mod cross_validation;

@@ -2,7 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use crate::algebra::{LeftSingular, left_singular};
+use motorium_algebra::{LeftSingular, left_singular};
+
 use crate::{BuildError, Entry, Frame, Layout, LayoutError, LibraryParts, Metric, MotionLibrary, Truncation};
 
 /// Libraries that cannot be merged.
@@ -201,7 +202,7 @@ fn independent(
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
     let sorted: Vec<f64> = order.iter().map(|k| values[*k]).collect();
-    let kept = super::algebra::count_wanted(&sorted, energy, truncation.wanted(basis.nrows()));
+    let kept = motorium_algebra::count_wanted(&sorted, energy, truncation.wanted(basis.nrows()));
     let order = &order[..kept];
     let movements: usize = libraries.iter().map(|library| library.entries().len()).sum();
     let mut block = DMatrix::zeros(values.len(), movements);

@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use crate::algebra::left_singular;
 use crate::{Frame, Layout, LayoutError, Movement, Recordings, SampledSpring, SpringError, Truncation};
+use motorium_algebra::left_singular;
 
 /// Quantity whose residual the eigenforces minimise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -321,7 +321,7 @@ impl MotionLibrary {
     /// Weights of forces: `w = U^T f`, or `U^T G f` in the metric of position.
     pub fn project(&self, forces: &[f64]) -> DVector<f64> {
         let mut weights = DVector::zeros(self.rank());
-        super::algebra::Simd::new().project(self.analysis().as_slice(), forces, weights.as_mut_slice());
+        motorium_algebra::Simd::new().project(self.analysis().as_slice(), forces, weights.as_mut_slice());
         weights
     }
 
@@ -330,7 +330,7 @@ impl MotionLibrary {
         let mut forces = vec![0.0; self.rows()];
         let n = weights.len().min(self.rank());
         let columns = &self.eigenforces().as_slice()[..n * self.rows()];
-        super::algebra::Simd::new().superpose(columns, &weights[..n], &mut forces);
+        motorium_algebra::Simd::new().superpose(columns, &weights[..n], &mut forces);
         forces
     }
 

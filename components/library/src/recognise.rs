@@ -1,7 +1,7 @@
 //! Recognition of movements.
 
-use crate::algebra::Simd;
 use crate::{Metric, MotionLibrary, Movement, Trajectory};
+use motorium_algebra::Simd;
 
 /// A recognised movement.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,9 +2,9 @@
 
 use nalgebra::DMatrix;
 
-use crate::algebra::{Simd, Wanted, eigen_of_rank_one_update, left_singular};
 use crate::motion_library::check;
 use crate::{BuildError, Entry, LibraryParts, MotionLibrary, Movement, Trajectory};
+use motorium_algebra::{Simd, Wanted, eigen_of_rank_one_update, left_singular};
 
 /// A library that takes in movements one by one or in blocks.
 ///

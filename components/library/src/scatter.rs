@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::algebra::{SymmetricEigen, symmetric_eigen};
+use motorium_algebra::{SymmetricEigen, symmetric_eigen};
 
 /// Mean and scatter of samples that come one by one.
 ///

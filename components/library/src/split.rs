@@ -2,7 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use crate::algebra::{Wanted, left_singular};
+use motorium_algebra::{Wanted, left_singular};
+
 use crate::{BuildError, Entry, Frame, LibraryParts, MotionLibrary, Part};
 
 impl MotionLibrary {

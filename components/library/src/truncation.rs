@@ -1,6 +1,6 @@
 //! Truncation of the eigenforces.
 
-use crate::algebra::Wanted;
+use motorium_algebra::Wanted;
 
 /// Number of eigenforces that a library keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,10 +5,19 @@
 //! - [`onnx`]: reads and writes networks as ONNX files.
 //! - [`policy`]: the folder of a trained policy.
 //! - [`safetensors`]: reads and writes named tensors.
+//! - [`kernel`], [`gp`]: covariance functions and Gaussian processes.
+//! - [`gplvm`]: latent spaces that several robots and a human share.
+//! - [`hmm`]: hidden Markov models.
+//! - [`optimise`]: minimisation of smooth functions by L-BFGS.
 
 pub mod arithmetic;
+pub mod gp;
+pub mod gplvm;
+pub mod hmm;
 pub mod inference;
+pub mod kernel;
 pub mod networks;
 pub mod onnx;
+pub mod optimise;
 pub mod policy;
 pub mod safetensors;

@@ -6,9 +6,10 @@ use std::path::Path;
 use crate::tokens::{self, Token};
 
 /// Wings that may use other wings, as CONTRIBUTING.md lists them; all others meet in topics only.
-const BETWEEN_WINGS: [(&str, &[&str]); 3] = [
-    ("library", &["primitives", "recordings"]),
-    ("learners", &["primitives", "library", "models", "physics", "recordings"]),
+const BETWEEN_WINGS: [(&str, &[&str]); 4] = [
+    ("library", &["algebra", "primitives", "recordings"]),
+    ("models", &["algebra"]),
+    ("learners", &["algebra", "primitives", "library", "models", "physics", "recordings"]),
     ("policies", &["primitives", "library", "models", "learners", "recordings"]),
 ];
 

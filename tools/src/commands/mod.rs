@@ -11,6 +11,7 @@ mod events;
 mod examples;
 mod kill;
 mod kinds;
+mod latent;
 mod library;
 mod loading;
 mod model;
@@ -77,6 +78,7 @@ enum Command {
     Doctor(doctor::Doctor),
     Schema(schema::Schema),
     Library(library::Library),
+    Latent(latent::Latent),
     Reproduce(reproduce::Reproduce),
     New(new::New),
     Completions(completions::Completions),
@@ -116,6 +118,7 @@ impl Cli {
             Some(Command::Doctor(command)) => command.run(),
             Some(Command::Schema(command)) => command.run(),
             Some(Command::Library(command)) => command.run(),
+            Some(Command::Latent(command)) => command.run(),
             Some(Command::Reproduce(command)) => command.run(),
             Some(Command::New(command)) => command.run(),
             Some(Command::Completions(command)) => command.run(),

@@ -10,6 +10,7 @@ mod crates;
 mod expect;
 mod first_day;
 mod kinds;
+mod latent;
 mod model;
 mod primitive;
 mod program;

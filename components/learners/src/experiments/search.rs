@@ -1,6 +1,6 @@
 //! Policy search (PoWER) on weights of a motion library and of radial kernels.
 
-use motorium_library::algebra::Simd;
+use motorium_algebra::Simd;
 use motorium_library::statistics::mean_and_error;
 use motorium_library::{MotionLibrary, Movement, SampledSpring, Trajectory, kernel_functions};
 use nalgebra::DMatrix;

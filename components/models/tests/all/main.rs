@@ -1,3 +1,9 @@
-//! Tests of the models against independent references.
+//! Tests of the models against independent references: golden numbers from GPy, scikit-learn and hmmlearn
+//! (`tests/golden/golden.py`), and from onnxruntime.
 
+mod golden;
+mod latent;
+mod markov;
 mod onnx;
+mod processes;
+mod timing;

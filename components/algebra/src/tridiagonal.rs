@@ -18,7 +18,7 @@ pub(super) struct Tridiagonal {
 
 impl Tridiagonal {
     /// Reduces a symmetric matrix, of which only the lower triangle is read.
-    pub(super) fn of(mut matrix: DMatrix<f64>, simd: Simd) -> Self {
+    pub(super) fn new(mut matrix: DMatrix<f64>, simd: Simd) -> Self {
         let n = matrix.nrows();
         let (mut diagonal, mut beside, mut factors) =
             (vec![0.0; n], vec![0.0; n.saturating_sub(1)], Vec::new());

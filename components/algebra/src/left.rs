@@ -70,7 +70,7 @@ pub fn left_singular(matrix: &DMatrix<f64>, wanted: Wanted) -> LeftSingular {
 }
 
 /// Number of the singular values wanted.
-pub(crate) fn count_wanted(values: &[f64], energy: f64, wanted: Wanted) -> usize {
+pub fn count_wanted(values: &[f64], energy: f64, wanted: Wanted) -> usize {
     match wanted {
         Wanted::All => values.len(),
         Wanted::Rank(rank) => rank.min(values.len()),
@@ -93,7 +93,7 @@ pub(crate) fn count_wanted(values: &[f64], energy: f64, wanted: Wanted) -> usize
 fn descend(matrix: &DMatrix<f64>, basis: Option<&DMatrix<f64>>, found: &mut LeftSingular, wanted: Wanted) {
     let projected = basis.map(|basis| basis.transpose() * matrix);
     let here = projected.as_ref().unwrap_or(matrix);
-    let solved = Decomposed::of(here * here.transpose());
+    let solved = Decomposed::new(here * here.transpose());
     let roots: Vec<f64> = solved.values.iter().map(|value| value.max(0.0).sqrt()).collect();
     let largest = found.values.first().copied().unwrap_or(roots[0]);
     let head = roots.iter().take_while(|root| **root > roots[0] * SCALE).count();

@@ -23,7 +23,7 @@ pub struct SymmetricEigen {
 /// # Panics
 /// When the matrix is not square.
 pub fn symmetric_eigen(matrix: DMatrix<f64>) -> SymmetricEigen {
-    let solved = Decomposed::of(matrix);
+    let solved = Decomposed::new(matrix);
     SymmetricEigen { vectors: solved.vectors(0, solved.values.len()), values: solved.values }
 }
 
@@ -38,10 +38,10 @@ pub(super) struct Decomposed {
 }
 
 impl Decomposed {
-    pub(super) fn of(matrix: DMatrix<f64>) -> Self {
+    pub(super) fn new(matrix: DMatrix<f64>) -> Self {
         assert!(matrix.is_square(), "{:?} is not square", matrix.shape());
         let simd = Simd::new();
-        let reduced = Tridiagonal::of(matrix, simd);
+        let reduced = Tridiagonal::new(matrix, simd);
         let (mut values, inner) = divide(reduced.diagonal.clone(), &reduced.beside);
         values.reverse();
         Self { values, reduced, inner, simd }

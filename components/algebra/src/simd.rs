@@ -18,6 +18,16 @@ impl Simd {
         Self(Arch::new())
     }
 
+    pub(super) fn from_arch(arch: Arch) -> Self {
+        Self(arch)
+    }
+
+    /// Runs `operation` compiled for the widest instructions of the machine, so that its loops over slices become
+    /// vector instructions. `operation` must be marked `#[inline(always)]`, and so must what it calls.
+    pub fn run<R>(self, operation: impl FnOnce() -> R) -> R {
+        self.0.dispatch(operation)
+    }
+
     /// `out = A^T x`: `matrix` holds the columns of A one after the other, each as long as `x`.
     ///
     /// # Panics

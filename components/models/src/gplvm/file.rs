@@ -1,0 +1,175 @@
+//! Models in a file.
+//!
+//! Two lines of text: `motorium-latent VERSION CHECKSUM`, where the checksum is the XXH3 of the second line as 16
+//! hexadecimal digits, and a JSON object:
+//!
+//! | key | value |
+//! |---|---|
+//! | `latents` | dimensions of the latent |
+//! | `x` | latent points, row by row |
+//! | `spaces` | name, columns, mean, scale, kernel, noise, and standardised poses (`targets`, column by column) of each |
+//! | `back` | the back constraint, or null |
+//!
+//! Numbers are written so that they are read back bit for bit.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use twox_hash::XxHash3_64;
+
+use super::back::Back;
+use super::{LatentError, LatentModel, Space};
+use crate::kernel::Points;
+
+/// Version of the format.
+pub const VERSION: u32 = 1;
+
+const MAGIC: &str = "motorium-latent";
+
+/// The errors of reading and writing a model.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// The file cannot be read or written.
+    #[error("{path}: {error}")]
+    Io {
+        /// The file.
+        path: String,
+        /// The reason.
+        error: std::io::Error,
+    },
+    /// The first line is not a header.
+    #[error("line 1 is not a header, found {found:?}, expected `motorium-latent VERSION CHECKSUM`")]
+    Header {
+        /// Beginning of the line.
+        found: String,
+    },
+    /// Another version.
+    #[error(
+        "version {found} of the format, expected {VERSION}\nhelp: train the model again with this program"
+    )]
+    Version {
+        /// The version.
+        found: String,
+    },
+    /// The checksum does not fit.
+    #[error(
+        "checksum of line 2 is {found:016x}, expected {expected}\nhelp: the file is damaged, copy it again"
+    )]
+    Checksum {
+        /// Checksum of the content.
+        found: u64,
+        /// Checksum in the header.
+        expected: String,
+    },
+    /// The content is not a model.
+    #[error("line 2, column {column}: {error}")]
+    Json {
+        /// Column, from 1.
+        column: usize,
+        /// The reason.
+        error: serde_json::Error,
+    },
+    /// Sizes do not fit.
+    #[error("{what} does not fit {points} points in {latents} dimensions")]
+    Sizes {
+        /// The part.
+        what: String,
+        /// Latent points.
+        points: usize,
+        /// Dimensions.
+        latents: usize,
+    },
+    /// The model cannot be made.
+    #[error(transparent)]
+    Model(#[from] LatentError),
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Content {
+    latents: usize,
+    x: Vec<f64>,
+    spaces: Vec<Space>,
+    back: Option<Back>,
+}
+
+impl LatentModel {
+    /// The text of a file.
+    pub fn to_text(&self) -> String {
+        let content = Content {
+            latents: self.latents(),
+            x: self.latent(),
+            spaces: self.spaces.clone(),
+            back: self.back.clone(),
+        };
+        let json = serde_json::to_string(&content).expect("numbers and text");
+        format!("{MAGIC} {VERSION} {:016x}\n{json}\n", XxHash3_64::oneshot(json.as_bytes()))
+    }
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// When the text is not a model of this version, is damaged, or holds sizes that do not fit.
+    pub fn from_text(text: &str) -> Result<Self, FileError> {
+        let (header, json) = text.split_once('\n').unwrap_or((text, ""));
+        let json = json.strip_suffix('\n').unwrap_or(json);
+        let fields: Vec<&str> = header.split(' ').collect();
+        let [MAGIC, version, checksum] = fields[..] else {
+            return Err(FileError::Header { found: header.chars().take(60).collect() });
+        };
+        if version != VERSION.to_string() {
+            return Err(FileError::Version { found: version.to_string() });
+        }
+        let found = XxHash3_64::oneshot(json.as_bytes());
+        if checksum != format!("{found:016x}") {
+            return Err(FileError::Checksum { found, expected: checksum.to_string() });
+        }
+        let content: Content =
+            serde_json::from_str(json).map_err(|error| FileError::Json { column: error.column(), error })?;
+        let latents = content.latents;
+        let points = content.x.len().checked_div(latents).unwrap_or(0);
+        let wrong = |what: &str| FileError::Sizes { what: what.to_string(), points, latents };
+        if points == 0 || content.x.len() != points * latents || content.x.iter().any(|x| !x.is_finite()) {
+            return Err(wrong("x"));
+        }
+        for space in &content.spaces {
+            let d = space.mean.len();
+            let fits = d > 0
+                && [space.columns.len(), space.scale.len()] == [d, d]
+                && space.targets.len() == d * points
+                && space.kernel.lengths.len() == latents
+                && space.rbf().is_valid(latents)
+                && space.noise > 0.0
+                && [&space.mean, &space.scale, &space.targets]
+                    .iter()
+                    .all(|v| v.iter().all(|v| v.is_finite()));
+            if !fits || content.spaces.iter().filter(|other| other.name == space.name).count() > 1 {
+                return Err(wrong(&format!("the space {}", space.name)));
+            }
+        }
+        if content.back.as_ref().is_some_and(|back| !back.is_valid(&content.spaces, latents, points)) {
+            return Err(wrong("the back constraint"));
+        }
+        Ok(Self::assemble(Points::from_rows(&content.x, latents), content.spaces, content.back)?)
+    }
+
+    /// Writes the model to a file.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), FileError> {
+        std::fs::write(path, self.to_text()).map_err(|error| io(path, error))
+    }
+
+    /// Reads a model from a file.
+    ///
+    /// # Errors
+    /// As [`from_text`](Self::from_text), and when the file cannot be read.
+    pub fn load(path: &Path) -> Result<Self, FileError> {
+        Self::from_text(&std::fs::read_to_string(path).map_err(|error| io(path, error))?)
+    }
+}
+
+fn io(path: &Path, error: std::io::Error) -> FileError {
+    FileError::Io { path: path.display().to_string(), error }
+}

@@ -1,0 +1,74 @@
+//! Latent spaces shared by a human and any number of robots (shared Gaussian process latent variable models).
+//!
+//! Each space `i`, a set of poses `Y_i` with `N` rows, is a Gaussian process of one latent `X` with `N` rows and `q`
+//! columns: `E_i = (D_i N ln 2 pi + D_i ln |K_i| + tr K_i^-1 Y_i Y_i^T) / 2`, with an RBF kernel with one length scale for
+//! each latent dimension and noise. Training minimises `sum_i E_i + |X|^2 / 2` by L-BFGS with analytic gradients, from
+//! the principal components of the first space.
+//!
+//! **Back constraints** make the latent a function of one space's poses: a kernel regression, or a network with one
+//! hidden layer. A new pose then maps to a latent point directly.
+//!
+//! **Transfer** adds a robot to a trained model: `X` and all other spaces stay, and only the robot's `q + 2`
+//! hyperparameters are fitted, from three starts.
+//!
+//! References: Lawrence, *Probabilistic non-linear principal component analysis with Gaussian process latent variable
+//! models*, JMLR 6, 2005; Lawrence, Quinonero-Candela, *Local distance preservation in the GP-LVM through back
+//! constraints*, ICML 2006; Ek, Torr, Lawrence, *Gaussian process latent variable models for human pose estimation*,
+//! MLMI 2007.
+
+mod back;
+mod evaluate;
+mod file;
+mod infer;
+mod model;
+mod poses;
+mod space;
+mod train;
+
+pub use back::BackForm;
+pub use evaluate::{MethodError, compare};
+pub use file::{FileError, VERSION};
+pub use infer::Scratch;
+pub use model::{LatentModel, Transferred};
+pub use poses::{Poses, PosesError};
+pub use space::{Space, SpaceData};
+pub use train::{Settings, Trained};
+
+use crate::gp::GpError;
+
+/// The errors of latent models.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LatentError {
+    /// Poses do not fit.
+    #[error("space {space}: {error}")]
+    Space {
+        /// Name of the space.
+        space: String,
+        /// The reason.
+        error: GpError,
+    },
+    /// A space that the model does not have.
+    #[error("unknown space {name}, expected one of {known:?}")]
+    UnknownSpace {
+        /// The name.
+        name: String,
+        /// Names of the spaces.
+        known: Vec<String>,
+    },
+    /// A name that is in use.
+    #[error("the space {name} exists twice, expected different names")]
+    SameName {
+        /// The name.
+        name: String,
+    },
+    /// A setting is out of range.
+    #[error("{setting} is {found}, expected {expected}")]
+    Setting {
+        /// Name of the setting.
+        setting: &'static str,
+        /// Its value.
+        found: String,
+        /// The allowed range.
+        expected: String,
+    },
+}

@@ -1,0 +1,174 @@
+//! The trained model.
+
+use super::back::Back;
+use super::{LatentError, Space, SpaceData};
+use crate::gp::{GpError, Gradient, Marginal, clamp, release};
+use crate::kernel::Points;
+use crate::optimise::{Minimum, Options, minimise};
+
+/// A latent that several spaces share.
+#[derive(Clone, Debug)]
+pub struct LatentModel {
+    pub(super) points: Points,
+    pub(super) spaces: Vec<Space>,
+    pub(super) back: Option<Back>,
+    /// Factor and weights of each space.
+    pub(super) marginals: Vec<Marginal>,
+}
+
+/// The result of [`LatentModel::transfer`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Transferred {
+    /// Objective at the end of each start.
+    pub starts: Vec<f64>,
+    /// The best start.
+    pub minimum: Minimum,
+    /// Mean squared error of each pose predicted from the latent points of all others, as part of the variance.
+    pub left_out: f64,
+    /// Present when the noise is more than half of the variance, or `left_out` more than 0.8: the space hardly follows
+    /// the latent.
+    pub warning: Option<String>,
+}
+
+/// Share of the noise above which a transfer warns.
+const NOISY: f64 = 0.5;
+/// Error of poses that are left out above which a transfer warns: short length scales fit noise as well as noise does.
+const UNPREDICTABLE: f64 = 0.8;
+
+pub(super) fn find(spaces: &[Space], name: &str) -> Result<usize, LatentError> {
+    spaces.iter().position(|space| space.name == name).ok_or_else(|| LatentError::UnknownSpace {
+        name: name.to_string(),
+        known: spaces.iter().map(|space| space.name.clone()).collect(),
+    })
+}
+
+pub(super) fn check_poses(space: &Space, expected: usize) -> Result<(), LatentError> {
+    if space.poses() == expected {
+        return Ok(());
+    }
+    let error = GpError::Shape { what: "poses", found: space.poses(), expected };
+    Err(LatentError::Space { space: space.name.clone(), error })
+}
+
+impl LatentModel {
+    pub(super) fn assemble(
+        points: Points,
+        spaces: Vec<Space>,
+        back: Option<Back>,
+    ) -> Result<Self, LatentError> {
+        let mut made = Self { points, spaces: vec![], back, marginals: vec![] };
+        for space in spaces {
+            made.add(space)?;
+        }
+        Ok(made)
+    }
+
+    fn add(&mut self, space: Space) -> Result<(), LatentError> {
+        let mut marginal = Marginal::new();
+        let fitted = marginal.fit(&space.rbf(), space.noise, &self.points, &space.targets);
+        fitted.map_err(|error| LatentError::Space { space: space.name.clone(), error })?;
+        self.spaces.push(space);
+        self.marginals.push(marginal);
+        Ok(())
+    }
+
+    /// Dimensions of the latent.
+    pub fn latents(&self) -> usize {
+        self.points.dimensions()
+    }
+
+    /// Number of poses.
+    pub fn poses(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The latent points, one a row.
+    pub fn latent(&self) -> Vec<f64> {
+        self.points.to_rows()
+    }
+
+    /// The spaces.
+    pub fn spaces(&self) -> &[Space] {
+        &self.spaces
+    }
+
+    /// Index of a space.
+    ///
+    /// # Errors
+    /// When there is no space of this name.
+    pub fn space(&self, name: &str) -> Result<usize, LatentError> {
+        find(&self.spaces, name)
+    }
+
+    /// The space whose poses the latent is a function of, if there is a back constraint.
+    pub fn back_constrained(&self) -> Option<&Space> {
+        self.back.as_ref().map(|back| &self.spaces[back.space])
+    }
+
+    /// Adds a robot with the latent and all other spaces fixed. Three starts: the hyperparameters of the last space; the
+    /// latent's standard deviations as length scales with noise 0.01; these divided by e with noise 0.1.
+    ///
+    /// # Errors
+    /// When the poses do not fit the model or no start has a positive definite covariance.
+    pub fn transfer(&mut self, data: &SpaceData<'_>, iterations: usize) -> Result<Transferred, LatentError> {
+        let mut space = Space::new(data, self.latents())?;
+        check_poses(&space, self.poses())?;
+        if self.spaces.iter().any(|other| other.name == space.name) {
+            return Err(LatentError::SameName { name: space.name });
+        }
+        let n = self.poses() as f64;
+        let spread: Vec<f64> = (0..self.latents())
+            .map(|d| {
+                let x = self.points.coordinate(d);
+                let mean = x.iter().sum::<f64>() / n;
+                0.5 * (x.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / n).max(1e-12).ln()
+            })
+            .collect();
+        let start = |shift: f64, noise: f64| {
+            let mut made = vec![0.0];
+            made.extend(spread.iter().map(|l| l - shift));
+            made.push(noise.ln());
+            made
+        };
+        let mut starts = vec![start(0.0, 0.01), start(1.0, 0.1)];
+        if let Some(last) = self.spaces.last() {
+            starts.insert(0, last.parameters());
+        }
+        let mut marginal = Marginal::new();
+        let options = Options { iterations, improvement: 1e-8, ..Options::default() };
+        let mut results = vec![];
+        for mut parameters in starts {
+            clamp(&mut parameters);
+            let minimum = minimise(&mut parameters, &options, |variables, gradient| {
+                let mut inside = variables.to_vec();
+                clamp(&mut inside);
+                space.set_parameters(&inside);
+                gradient.fill(0.0);
+                let into = Gradient { parameters: gradient, by_points: None };
+                let value =
+                    marginal.evaluate(&space.rbf(), space.noise, &self.points, &space.targets, Some(into));
+                release(variables, gradient);
+                value.unwrap_or(f64::INFINITY)
+            });
+            clamp(&mut parameters);
+            results.push((minimum, parameters));
+        }
+        let best = results.iter().min_by(|a, b| a.0.value.total_cmp(&b.0.value)).expect("a start");
+        space.set_parameters(&best.1);
+        let starts = results.iter().map(|result| result.0.value).collect();
+        let minimum = best.0;
+        let (share, name) = (space.noise_share(), space.name.clone());
+        let targets = space.targets.clone();
+        self.add(space)?;
+        let left_out =
+            self.marginals.last_mut().map_or(f64::NAN, |marginal| marginal.leave_one_out(&targets));
+        let warning = (share > NOISY || left_out > UNPREDICTABLE).then(|| {
+            let (share, left_out) = (100.0 * share, 100.0 * left_out);
+            format!(
+                "the latent hardly predicts {name}: {share:.0} % of the variance is noise, and the error of poses \
+                 that are left out is {left_out:.0} % of the variance"
+            )
+        });
+        Ok(Transferred { starts, minimum, left_out, warning })
+    }
+}

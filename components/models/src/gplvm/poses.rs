@@ -1,0 +1,145 @@
+//! Poses from CSV files.
+//!
+//! The first line names the columns, separated by commas; each further line is a pose. The columns `clip`, `frame` and
+//! `key` are labels and are skipped. Line `i` of every file of a folder is the same instant.
+
+use std::path::Path;
+
+use super::SpaceData;
+
+/// Poses of one space from a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Poses {
+    /// Name of the space: the name of the file without its ending.
+    pub name: String,
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Poses, one a row.
+    pub values: Vec<f64>,
+}
+
+/// An error of a file of poses.
+#[derive(Debug, thiserror::Error)]
+pub enum PosesError {
+    /// The file cannot be read.
+    #[error("{path}: {error}")]
+    Io {
+        /// The file.
+        path: String,
+        /// The reason.
+        error: std::io::Error,
+    },
+    /// A cell or line does not fit.
+    #[error("{path}: line {line}, column {column}: found {found}, expected {expected}")]
+    Cell {
+        /// The file.
+        path: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column of the table, from 1.
+        column: usize,
+        /// What was found.
+        found: String,
+        /// What fits.
+        expected: String,
+    },
+}
+
+const LABELS: [&str; 3] = ["clip", "frame", "key"];
+
+impl Poses {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// When the file cannot be read, a line is too short or long, or a cell is not a finite number.
+    pub fn read(path: &Path) -> Result<Self, PosesError> {
+        let shown = path.display().to_string();
+        let text =
+            std::fs::read_to_string(path).map_err(|error| PosesError::Io { path: shown.clone(), error })?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        Self::parse(&name, &shown, &text)
+    }
+
+    /// Reads text; `path` is named in errors.
+    ///
+    /// # Errors
+    /// When a line is too short or long, or a cell is not a finite number.
+    pub fn parse(name: &str, path: &str, text: &str) -> Result<Self, PosesError> {
+        let wrong = |line: usize, column: usize, found: String, expected: String| PosesError::Cell {
+            path: path.to_string(),
+            line: line + 1,
+            column: column + 1,
+            found,
+            expected,
+        };
+        let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+        let header: Vec<&str> =
+            lines.next().map_or(vec![], |(_, line)| line.split(',').map(str::trim).collect());
+        let used: Vec<usize> = (0..header.len()).filter(|c| !LABELS.contains(&header[*c])).collect();
+        if used.is_empty() || header[used[0]].parse::<f64>().is_ok() {
+            return Err(wrong(0, 0, "no names".to_string(), "a header of column names".to_string()));
+        }
+        let mut values = vec![];
+        for (index, line) in lines {
+            let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+            if cells.len() != header.len() {
+                let (found, expected) = (format!("{} cells", cells.len()), format!("{} cells", header.len()));
+                return Err(wrong(index, cells.len().min(header.len()), found, expected));
+            }
+            for column in &used {
+                let value = cells[*column].parse::<f64>().ok().filter(|value| value.is_finite());
+                let found = || format!("{:?}", cells[*column]);
+                values.push(
+                    value.ok_or_else(|| wrong(index, *column, found(), "a finite number".to_string()))?,
+                );
+            }
+        }
+        if values.is_empty() {
+            return Err(wrong(1, 0, "no poses".to_string(), "at least one line of numbers".to_string()));
+        }
+        let columns = used.iter().map(|column| header[*column].to_string()).collect();
+        Ok(Self { name: name.to_string(), columns, values })
+    }
+
+    /// Number of poses.
+    pub fn len(&self) -> usize {
+        self.values.len() / self.columns.len()
+    }
+
+    /// True without poses.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// The poses whose index satisfies a condition.
+    pub(super) fn select(&self, keep: impl Fn(usize) -> bool) -> Self {
+        let rows = self.values.chunks_exact(self.columns.len()).enumerate();
+        let values = rows.filter(|(i, _)| keep(*i)).flat_map(|(_, row)| row.to_vec()).collect();
+        Self { values, ..self.clone() }
+    }
+
+    /// The poses as a space of a model.
+    pub fn data(&self) -> SpaceData<'_> {
+        SpaceData { name: &self.name, columns: self.columns.clone(), values: &self.values }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_skipped_and_bad_cells_located() {
+        let poses = Poses::parse("human", "human.csv", "clip,frame,a,b\n02_01,3,1.5,-2\n\n02_01,4,0,1e-3\n");
+        let poses = poses.expect("poses");
+        assert_eq!((poses.columns.join(" "), poses.values), ("a b".to_string(), vec![1.5, -2.0, 0.0, 1e-3]));
+        let error = |text: &str| Poses::parse("x", "x.csv", text).expect_err("an error").to_string();
+        assert_eq!(
+            error("a,b\n1,2\n1,inf\n"),
+            "x.csv: line 3, column 2: found \"inf\", expected a finite number"
+        );
+        assert_eq!(error("a,b\n1\n"), "x.csv: line 2, column 2: found 1 cells, expected 2 cells");
+        assert!(error("1,2\n3,4\n").contains("expected a header"));
+        assert!(error("a\n").contains("no poses"));
+    }
+}

@@ -1,0 +1,110 @@
+//! One space of a latent model.
+
+use serde::{Deserialize, Serialize};
+
+use super::LatentError;
+use crate::gp::{GpError, check_finite};
+use crate::kernel::{Kernel, Stationary};
+
+/// The poses of one space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SpaceData<'a> {
+    /// Name, such as `human` or the name of a robot.
+    pub name: &'a str,
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Poses, one a row.
+    pub values: &'a [f64],
+}
+
+/// A space of a latent model: its poses and hyperparameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Space {
+    /// Name.
+    pub name: String,
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Mean of each column.
+    pub mean: Vec<f64>,
+    /// Standard deviation of each column, 1 where a column is constant.
+    pub scale: Vec<f64>,
+    /// Kernel from the latent to the standardised poses.
+    pub kernel: Stationary,
+    /// Noise variance of the standardised poses.
+    pub noise: f64,
+    /// Standardised poses, column by column.
+    pub(super) targets: Vec<f64>,
+}
+
+impl Space {
+    pub(super) fn new(data: &SpaceData<'_>, latents: usize) -> Result<Self, LatentError> {
+        let wrong = |error| LatentError::Space { space: data.name.to_string(), error };
+        let d = data.columns.len();
+        if d == 0 || data.values.is_empty() || !data.values.len().is_multiple_of(d) {
+            let expected = d.max(1) * (data.values.len() / d.max(1)).max(1);
+            return Err(wrong(GpError::Shape { what: "values", found: data.values.len(), expected }));
+        }
+        check_finite("value", data.values).map_err(wrong)?;
+        let n = data.values.len() / d;
+        let (mut mean, mut scale, mut targets) = (vec![], vec![], Vec::with_capacity(n * d));
+        for column in 0..d {
+            let values = || data.values.iter().skip(column).step_by(d);
+            let m = values().sum::<f64>() / n as f64;
+            let deviation = (values().map(|v| (v - m) * (v - m)).sum::<f64>() / n as f64).sqrt();
+            let s = if deviation > 1e-9 * m.abs().max(1e-3) { deviation } else { 1.0 };
+            targets.extend(values().map(|v| (v - m) / s));
+            mean.push(m);
+            scale.push(s);
+        }
+        let kernel = Stationary::new(1.0, &vec![1.0; latents]);
+        let (name, columns) = (data.name.to_string(), data.columns.clone());
+        Ok(Self { name, columns, mean, scale, kernel, noise: 0.01, targets })
+    }
+
+    /// Number of columns.
+    pub fn dimensions(&self) -> usize {
+        self.mean.len()
+    }
+
+    /// Number of poses.
+    pub fn poses(&self) -> usize {
+        self.targets.len() / self.mean.len()
+    }
+
+    /// Part of the noise in the variance that the model explains: near 1, the space does not follow the latent.
+    pub fn noise_share(&self) -> f64 {
+        self.noise / (self.noise + self.kernel.variance)
+    }
+
+    pub(super) fn rbf(&self) -> Kernel {
+        Kernel::Rbf(self.kernel.clone())
+    }
+
+    /// Logarithms of variance, length scales and noise.
+    pub(super) fn parameters(&self) -> Vec<f64> {
+        let mut found = self.rbf().parameters();
+        found.push(self.noise.ln());
+        found
+    }
+
+    pub(super) fn set_parameters(&mut self, logarithms: &[f64]) {
+        let mut kernel = self.rbf();
+        kernel.set_parameters(logarithms);
+        if let Kernel::Rbf(found) = kernel {
+            self.kernel = found;
+        }
+        self.noise = logarithms[self.kernel.lengths.len() + 1].exp();
+    }
+
+    pub(super) fn standardise(&self, pose: &[f64], out: &mut [f64]) {
+        for (((out, y), mean), scale) in out.iter_mut().zip(pose).zip(&self.mean).zip(&self.scale) {
+            *out = (y - mean) / scale;
+        }
+    }
+
+    /// Poses standardised, row by row.
+    pub(super) fn rows(&self) -> Vec<f64> {
+        let n = self.poses();
+        (0..n).flat_map(|i| self.targets.chunks(n).map(move |column| column[i])).collect()
+    }
+}

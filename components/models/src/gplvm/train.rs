@@ -1,0 +1,266 @@
+//! Training: the latent and all hyperparameters together.
+
+use motorium_algebra::{Wanted, left_singular};
+use nalgebra::DMatrix;
+
+use super::back::{Back, BackForm, Prepared};
+use super::{LatentError, LatentModel, Space, SpaceData};
+use crate::gp::{Gradient, Marginal, clamp, release};
+use crate::kernel::Points;
+use crate::optimise::{Minimum, Options, minimise};
+
+/// Settings of [`LatentModel::train`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Dimensions of the latent, 1 or more. Default: 6.
+    pub latents: usize,
+    /// A back constraint: the name of the space whose poses the latent is a function of. Default: none.
+    pub back: Option<(String, BackForm)>,
+    /// Standard-normal prior on the latent. Default: true.
+    pub prior: bool,
+    /// Iterations at most. Default: 300.
+    pub iterations: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { latents: 6, back: None, prior: true, iterations: 300 }
+    }
+}
+
+/// The result of a training.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trained {
+    /// Objective at the start.
+    pub start: f64,
+    /// Objective, iterations and evaluations at the end.
+    pub minimum: Minimum,
+}
+
+/// The objective of a training, with memory that is reused.
+struct Objective<'a> {
+    spaces: &'a mut [Space],
+    marginals: Vec<Marginal>,
+    back: Option<(Back, Prepared)>,
+    points: Points,
+    by_points: Vec<f64>,
+    prior: bool,
+}
+
+impl Objective<'_> {
+    /// Number of variables before the hyperparameters.
+    fn latent_variables(&self) -> usize {
+        match &self.back {
+            Some((back, _)) => back.weights.len(),
+            None => self.points.len() * self.points.dimensions(),
+        }
+    }
+
+    /// Takes variables: the latent or the weights of the back constraint, then each space's hyperparameters.
+    fn set(&mut self, variables: &[f64]) {
+        let (latent, mut rest) = variables.split_at(self.latent_variables());
+        let n = self.points.len();
+        let mut x = latent.to_vec();
+        if let Some((back, prepared)) = &mut self.back {
+            back.weights.copy_from_slice(latent);
+            x = vec![0.0; n * self.points.dimensions()];
+            back.latent(prepared, &mut x);
+        }
+        for (d, column) in x.chunks_exact(n).enumerate() {
+            self.points.coordinate_mut(d).copy_from_slice(column);
+        }
+        for space in self.spaces.iter_mut() {
+            let (own, others) = rest.split_at(space.kernel.lengths.len() + 2);
+            let mut own = own.to_vec();
+            clamp(&mut own);
+            space.set_parameters(&own);
+            rest = others;
+        }
+    }
+
+    fn evaluate(&mut self, variables: &[f64], gradient: &mut [f64]) -> f64 {
+        self.set(variables);
+        let latent = self.latent_variables();
+        gradient.fill(0.0);
+        self.by_points.fill(0.0);
+        let mut energy = 0.0;
+        let mut first = latent;
+        for (space, marginal) in self.spaces.iter().zip(&mut self.marginals) {
+            let end = first + space.kernel.lengths.len() + 2;
+            let parameters = &mut gradient[first..end];
+            let into = Gradient { parameters, by_points: Some(&mut self.by_points) };
+            match marginal.evaluate(&space.rbf(), space.noise, &self.points, &space.targets, Some(into)) {
+                Ok(value) => energy += value,
+                Err(_) => return f64::INFINITY,
+            }
+            first = end;
+        }
+        release(&variables[latent..], &mut gradient[latent..]);
+        if self.prior {
+            for d in 0..self.points.dimensions() {
+                let x = self.points.coordinate(d);
+                energy += 0.5 * x.iter().map(|x| x * x).sum::<f64>();
+                let n = x.len();
+                self.by_points[d * n..(d + 1) * n].iter_mut().zip(x).for_each(|(g, x)| *g += x);
+            }
+        }
+        match &self.back {
+            Some((back, prepared)) => back.gradient(prepared, &self.by_points, &mut gradient[..latent]),
+            None => gradient[..latent].copy_from_slice(&self.by_points),
+        }
+        energy
+    }
+}
+
+/// Principal components of unit standard deviation, dimension by dimension.
+fn principal_components(space: &Space, latents: usize) -> Vec<f64> {
+    let n = space.poses();
+    let matrix = DMatrix::from_column_slice(n, space.dimensions(), &space.targets);
+    let found = left_singular(&matrix, Wanted::Rank(latents));
+    let mut x = vec![0.0; n * latents];
+    for (column, out) in found.vectors.column_iter().zip(x.chunks_exact_mut(n)) {
+        // the sign of a component is arbitrary: its largest entry is positive
+        let largest = column.iter().fold(0.0_f64, |most, v| if v.abs() > most.abs() { *v } else { most });
+        let scale = (n as f64).sqrt().copysign(largest);
+        out.iter_mut().zip(column.iter()).for_each(|(out, v)| *out = scale * v);
+    }
+    x
+}
+
+impl LatentModel {
+    /// Trains one latent for some spaces whose rows are poses of the same instants.
+    ///
+    /// # Errors
+    /// When shapes or names do not fit, a value is not finite, or a setting is out of range.
+    pub fn train(data: &[SpaceData<'_>], settings: &Settings) -> Result<(Self, Trained), LatentError> {
+        let q = settings.latents;
+        let mut spaces: Vec<Space> = vec![];
+        for data in data {
+            let space = Space::new(data, q)?;
+            if let Some(first) = spaces.first() {
+                super::model::check_poses(&space, first.poses())?;
+            }
+            if spaces.iter().any(|other| other.name == space.name) {
+                return Err(LatentError::SameName { name: space.name });
+            }
+            spaces.push(space);
+        }
+        let Some(first) = spaces.first() else {
+            let expected = "at least 1".to_string();
+            return Err(LatentError::Setting {
+                setting: "number of spaces",
+                found: "0".to_string(),
+                expected,
+            });
+        };
+        let most = first.dimensions().min(first.poses());
+        if q == 0 || q > most {
+            let expected = format!("1 to {most}, the rank of the space {}", first.name);
+            return Err(LatentError::Setting { setting: "latents", found: q.to_string(), expected });
+        }
+        let n = first.poses();
+        let x = principal_components(first, q);
+        let mut points = Points::from_rows(&vec![0.0; n * q], q);
+        x.chunks_exact(n).enumerate().for_each(|(d, x)| points.coordinate_mut(d).copy_from_slice(x));
+        let mut back = None;
+        if let Some((name, form)) = &settings.back {
+            let index = super::model::find(&spaces, name)?;
+            back = Some(Back::new(index, *form, spaces[index].rows(), spaces[index].dimensions(), &x));
+        }
+        let mut variables = back.as_ref().map_or(x, |(back, _)| back.weights.clone());
+        variables.extend(spaces.iter().flat_map(Space::parameters));
+        let marginals = vec![Marginal::new(); spaces.len()];
+        let by_points = vec![0.0; n * q];
+        let mut objective =
+            Objective { spaces: &mut spaces, marginals, back, points, by_points, prior: settings.prior };
+        let start = objective.evaluate(&variables, &mut vec![0.0; variables.len()]);
+        let options = Options { iterations: settings.iterations, improvement: 1e-9, ..Options::default() };
+        let minimum = minimise(&mut variables, &options, |x, gradient| objective.evaluate(x, gradient));
+        objective.set(&variables);
+        let (points, back) = (objective.points.clone(), objective.back.take().map(|(back, _)| back));
+        let model = Self::assemble(points, spaces, back)?;
+        Ok((model, Trained { start, minimum }))
+    }
+
+    /// The objective of one space at a latent (row by row), without a prior, and its gradients: by the latent, row by
+    /// row, and by the logarithms of variance, length scales and noise. `targets` is not standardised.
+    ///
+    /// # Errors
+    /// When the covariance is not positive definite.
+    pub fn energy(
+        x: &[f64],
+        targets: &[f64],
+        parameters: &[f64],
+    ) -> Result<(f64, Vec<f64>, Vec<f64>), crate::gp::GpError> {
+        let q = parameters.len() - 2;
+        let points = Points::from_rows(x, q);
+        let n = points.len();
+        let d = targets.len() / n;
+        let columns: Vec<f64> = (0..d).flat_map(|c| targets.iter().skip(c).step_by(d).copied()).collect();
+        let mut kernel = crate::kernel::Kernel::rbf(q, 1.0);
+        kernel.set_parameters(parameters);
+        let mut by_parameters = vec![0.0; parameters.len()];
+        let mut by_points = vec![0.0; n * q];
+        let into = Gradient { parameters: &mut by_parameters, by_points: Some(&mut by_points) };
+        let noise = parameters[q + 1].exp();
+        let value = Marginal::new().evaluate(&kernel, noise, &points, &columns, Some(into))?;
+        let rows = (0..n * q).map(|i| by_points[i % q * n + i / q]).collect();
+        Ok((value, rows, by_parameters))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn example(form: Option<BackForm>) -> (Vec<Space>, Option<(Back, Prepared)>, Points, Vec<f64>) {
+        let n = 12;
+        let names = |d: usize| (0..d).map(|i| format!("c{i}")).collect::<Vec<_>>();
+        let values = |d: usize, phase: f64| -> Vec<f64> {
+            (0..n * d).map(|i| (0.6 * (i / d) as f64 + (i % d) as f64 + phase).sin()).collect()
+        };
+        let (a, b) = (values(3, 0.1), values(4, 0.7));
+        let spaces = vec![
+            Space::new(&SpaceData { name: "a", columns: names(3), values: &a }, 2).expect("a space"),
+            Space::new(&SpaceData { name: "b", columns: names(4), values: &b }, 2).expect("a space"),
+        ];
+        let x = principal_components(&spaces[0], 2);
+        let back = form.map(|form| Back::new(1, form, spaces[1].rows(), 4, &x));
+        (spaces, back, Points::from_rows(&vec![0.0; 2 * n], 2), x)
+    }
+
+    #[test]
+    fn gradients_equal_finite_differences() {
+        for form in [None, Some(BackForm::Kernel), Some(BackForm::Mlp)] {
+            let (mut spaces, back, points, x) = example(form);
+            let mut variables = back.as_ref().map_or(x, |(back, _)| back.weights.clone());
+            variables.extend(spaces.iter().flat_map(Space::parameters));
+            let marginals = vec![Marginal::new(); 2];
+            let mut objective = Objective {
+                spaces: &mut spaces,
+                marginals,
+                back,
+                points,
+                by_points: vec![0.0; 24],
+                prior: true,
+            };
+            let mut gradient = vec![0.0; variables.len()];
+            objective.evaluate(&variables, &mut gradient);
+            let mut other = gradient.clone();
+            for i in 0..variables.len() {
+                let mut side = |step: f64| {
+                    let mut moved = variables.clone();
+                    moved[i] += step;
+                    objective.evaluate(&moved, &mut other)
+                };
+                let difference = (side(1e-5) - side(-1e-5)) / 2e-5;
+                let error = (difference - gradient[i]).abs();
+                assert!(
+                    error < 2e-5 * gradient[i].abs().max(1.0),
+                    "{form:?} {i}: {difference} {}",
+                    gradient[i]
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Likelihoods and expectation maximisation.
+
+use super::gaussian::{Gaussian, restrict};
+use super::{Hmm, HmmError};
+
+/// Sums of the E-step.
+struct Sums {
+    start: Vec<f64>,
+    transitions: Vec<f64>,
+    occupancy: Vec<f64>,
+    first: Vec<f64>,
+    /// About the current mean, so that subtracting squares does not cancel.
+    second: Vec<f64>,
+}
+
+impl Hmm {
+    /// Log-likelihood, scaled forward variables, and scales, from log densities.
+    pub(super) fn forward(&self, densities: &[f64]) -> Result<(f64, Vec<f64>, Vec<f64>), HmmError> {
+        let k = self.states();
+        let mut forward: Vec<f64> = Vec::with_capacity(densities.len());
+        let mut scales = vec![];
+        let mut likelihood = 0.0;
+        for (row, densities) in densities.chunks_exact(k).enumerate() {
+            let largest = densities.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let before = row.checked_sub(1).map(|row| forward[row * k..(row + 1) * k].to_vec());
+            let reached: Vec<f64> = (0..k)
+                .map(|j| match &before {
+                    None => self.start[j],
+                    Some(before) => {
+                        before.iter().enumerate().map(|(i, p)| p * self.transitions[i * k + j]).sum()
+                    }
+                })
+                .collect();
+            // the largest density among the states that can be reached
+            let reachable = reached.iter().zip(densities).filter(|(p, _)| **p > 0.0).map(|(_, b)| *b);
+            let shift = reachable.fold(f64::NEG_INFINITY, f64::max).min(largest);
+            let values: Vec<f64> = reached
+                .iter()
+                .zip(densities)
+                .map(|(p, b)| if *p > 0.0 { p * (b - shift).exp() } else { 0.0 })
+                .collect();
+            let scale: f64 = values.iter().sum();
+            if !(scale > 0.0 && scale.is_finite() && shift.is_finite()) {
+                return Err(HmmError::Impossible { row });
+            }
+            forward.extend(values.iter().map(|value| value / scale));
+            likelihood += scale.ln() + shift;
+            scales.push(scale.ln() + shift);
+        }
+        Ok((likelihood, forward, scales))
+    }
+
+    /// Adds the expectations of a sequence; returns its log-likelihood.
+    fn expect(&self, sequence: &[f64], sums: &mut Sums) -> Result<f64, HmmError> {
+        let (k, d) = (self.states(), self.dimensions());
+        let densities = self.densities(sequence)?;
+        let (likelihood, forward, scales) = self.forward(&densities)?;
+        let n = scales.len();
+        let mut backward = vec![1.0; k];
+        for t in (0..n).rev() {
+            let alpha = &forward[t * k..(t + 1) * k];
+            if t + 1 < n {
+                let ahead: Vec<f64> = (0..k)
+                    .map(|j| match backward[j] {
+                        0.0 => 0.0,
+                        beta => beta * (densities[(t + 1) * k + j] - scales[t + 1]).exp(),
+                    })
+                    .collect();
+                for i in 0..k {
+                    let row = &self.transitions[i * k..(i + 1) * k];
+                    for j in 0..k {
+                        if alpha[i] > 0.0 && row[j] > 0.0 {
+                            sums.transitions[i * k + j] += alpha[i] * row[j] * ahead[j];
+                        }
+                    }
+                    backward[i] = row
+                        .iter()
+                        .zip(&ahead)
+                        .map(|(p, b)| if alpha[i] > 0.0 && *p > 0.0 { p * b } else { 0.0 })
+                        .sum();
+                }
+            }
+            let y = &sequence[t * d..(t + 1) * d];
+            for (state, gaussian) in self.gaussians.iter().enumerate() {
+                let share = alpha[state] * backward[state];
+                if t == 0 {
+                    sums.start[state] += share;
+                }
+                sums.occupancy[state] += share;
+                for i in 0..d {
+                    let a = y[i] - gaussian.mean[i];
+                    sums.first[state * d + i] += share * a;
+                    for j in 0..d {
+                        sums.second[(state * d + i) * d + j] += share * a * (y[j] - gaussian.mean[j]);
+                    }
+                }
+            }
+        }
+        Ok(likelihood)
+    }
+
+    /// Expectation maximisation over some sequences, until an iteration raises the log-likelihood by less than
+    /// `tolerance`. Returns the log-likelihood before each iteration.
+    ///
+    /// # Errors
+    /// When a sequence does not fit or is impossible, or a covariance is no longer positive definite. The model is then
+    /// as after the last whole iteration.
+    pub fn train(
+        &mut self,
+        sequences: &[&[f64]],
+        iterations: usize,
+        tolerance: f64,
+    ) -> Result<Vec<f64>, HmmError> {
+        let (k, d) = (self.states(), self.dimensions());
+        let mut history: Vec<f64> = vec![];
+        for _ in 0..iterations {
+            let mut sums = Sums {
+                start: vec![0.0; k],
+                transitions: vec![0.0; k * k],
+                occupancy: vec![0.0; k],
+                first: vec![0.0; k * d],
+                second: vec![0.0; k * d * d],
+            };
+            let mut likelihood = 0.0;
+            for sequence in sequences {
+                likelihood += self.expect(sequence, &mut sums)?;
+            }
+            let done = history.last().is_some_and(|before| likelihood - before < tolerance);
+            history.push(likelihood);
+            if done {
+                break;
+            }
+            self.maximise(&sums)?;
+        }
+        Ok(history)
+    }
+
+    fn maximise(&mut self, sums: &Sums) -> Result<(), HmmError> {
+        let (k, d) = (self.states(), self.dimensions());
+        let mut gaussians = vec![];
+        for (state, gaussian) in self.gaussians.iter().enumerate() {
+            let occupancy = sums.occupancy[state];
+            // a state that is never visited keeps its observations
+            if occupancy <= 1e-12 {
+                gaussians.push(gaussian.clone());
+                continue;
+            }
+            let shift: Vec<f64> =
+                sums.first[state * d..(state + 1) * d].iter().map(|v| v / occupancy).collect();
+            let mean: Vec<f64> = gaussian.mean.iter().zip(&shift).map(|(m, s)| m + s).collect();
+            let mut covariance: Vec<f64> = (0..d * d)
+                .map(|i| sums.second[state * d * d + i] / occupancy - shift[i / d] * shift[i % d])
+                .collect();
+            restrict(&mut covariance, d, self.shape, self.floor);
+            gaussians.push(Gaussian::new(&mean, &covariance).ok_or(HmmError::Covariance { state })?);
+        }
+        let total: f64 = sums.start.iter().sum();
+        self.start.iter_mut().zip(&sums.start).for_each(|(p, s)| *p = s / total);
+        for (row, counts) in self.transitions.chunks_exact_mut(k).zip(sums.transitions.chunks_exact(k)) {
+            let total: f64 = counts.iter().sum();
+            if total > 1e-300 {
+                row.iter_mut().zip(counts).for_each(|(p, count)| *p = count / total);
+            }
+        }
+        self.gaussians = gaussians;
+        Ok(())
+    }
+}

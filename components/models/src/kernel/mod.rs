@@ -1,0 +1,249 @@
+//! Covariance functions of Gaussian processes.
+//!
+//! With `r^2 = sum_d (x_d - z_d)^2 / l_d^2` and variance `s`:
+//!
+//! | kernel | value |
+//! |---|---|
+//! | RBF | `s exp(-r^2 / 2)` |
+//! | Matern 3/2 | `s (1 + sqrt(3) r) exp(-sqrt(3) r)` |
+//! | Matern 5/2 | `s (1 + sqrt(5) r + 5/3 r^2) exp(-sqrt(5) r)` |
+//! | periodic | `s exp(-1/2 sum_d sin^2(pi (x_d - z_d) / p) / l_d^2)` |
+//! | linear | `sum_d s_d x_d z_d` |
+//! | bias | `s` |
+//! | white | `s` of a point with itself, else 0 |
+//!
+//! Parameters are the logarithms of variances, length scales and periods, in this order; the parameters of sums and
+//! products are their parts' parameters, one after the other. Reference: Rasmussen, Williams, *Gaussian Processes for
+//! Machine Learning*, chapter 4.
+
+mod gradient;
+mod points;
+mod stationary;
+
+pub use points::Points;
+use serde::{Deserialize, Serialize};
+use stationary::Profile;
+
+/// A covariance function.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kernel {
+    /// Radial basis function, infinitely smooth.
+    Rbf(Stationary),
+    /// Matern with `nu = 3/2`, once differentiable.
+    Matern32(Stationary),
+    /// Matern with `nu = 5/2`, twice differentiable.
+    Matern52(Stationary),
+    /// Periodic in each dimension.
+    Periodic {
+        /// Variance and length scales.
+        scales: Stationary,
+        /// Period, in units of the input.
+        period: f64,
+    },
+    /// Linear, with one variance for each dimension.
+    Linear(Vec<f64>),
+    /// A constant.
+    Bias(f64),
+    /// Independent noise.
+    White(f64),
+    /// Sum of kernels.
+    Sum(Vec<Kernel>),
+    /// Product of kernels.
+    Product(Vec<Kernel>),
+}
+
+/// Variance and length scales.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stationary {
+    /// Variance.
+    pub variance: f64,
+    /// Length scales in units of the input: one for all dimensions, or one for each (automatic relevance determination).
+    pub lengths: Vec<f64>,
+}
+
+impl Stationary {
+    /// A variance and length scales.
+    pub fn new(variance: f64, lengths: &[f64]) -> Self {
+        Self { variance, lengths: lengths.to_vec() }
+    }
+
+    fn length(&self, dimension: usize) -> f64 {
+        if self.lengths.len() == 1 { self.lengths[0] } else { self.lengths[dimension] }
+    }
+}
+
+impl Kernel {
+    /// An RBF kernel of variance 1 with one length scale for each dimension.
+    pub fn rbf(dimensions: usize, length: f64) -> Self {
+        Self::Rbf(Stationary::new(1.0, &vec![length; dimensions]))
+    }
+
+    /// A Matern 5/2 kernel of variance 1 with one length scale for each dimension.
+    pub fn matern52(dimensions: usize, length: f64) -> Self {
+        Self::Matern52(Stationary::new(1.0, &vec![length; dimensions]))
+    }
+
+    /// True if the kernel fits inputs of a number of dimensions and every parameter is positive and finite.
+    pub fn is_valid(&self, dimensions: usize) -> bool {
+        let good = |value: &f64| *value > 0.0 && value.is_finite();
+        let scales = |s: &Stationary| {
+            good(&s.variance)
+                && s.lengths.iter().all(good)
+                && (s.lengths.len() == 1 || s.lengths.len() == dimensions)
+        };
+        match self {
+            Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) => scales(s),
+            Self::Periodic { scales: s, period } => scales(s) && good(period),
+            Self::Linear(variances) => variances.len() == dimensions && variances.iter().all(good),
+            Self::Bias(variance) | Self::White(variance) => good(variance),
+            Self::Sum(parts) | Self::Product(parts) => {
+                !parts.is_empty() && parts.iter().all(|part| part.is_valid(dimensions))
+            }
+        }
+    }
+
+    /// Calls a function with each parameter, in their order.
+    fn each(&mut self, visit: &mut impl FnMut(&mut f64)) {
+        match self {
+            Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) => {
+                visit(&mut s.variance);
+                s.lengths.iter_mut().for_each(visit);
+            }
+            Self::Periodic { scales: s, period } => {
+                visit(&mut s.variance);
+                s.lengths.iter_mut().for_each(&mut *visit);
+                visit(period);
+            }
+            Self::Linear(variances) => variances.iter_mut().for_each(visit),
+            Self::Bias(variance) | Self::White(variance) => visit(variance),
+            Self::Sum(parts) | Self::Product(parts) => parts.iter_mut().for_each(|part| part.each(visit)),
+        }
+    }
+
+    /// Number of parameters.
+    pub fn parameter_count(&self) -> usize {
+        match self {
+            Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) => 1 + s.lengths.len(),
+            Self::Periodic { scales: s, .. } => 2 + s.lengths.len(),
+            Self::Linear(variances) => variances.len(),
+            Self::Bias(_) | Self::White(_) => 1,
+            Self::Sum(parts) | Self::Product(parts) => parts.iter().map(Self::parameter_count).sum(),
+        }
+    }
+
+    /// Logarithms of the parameters.
+    pub fn parameters(&self) -> Vec<f64> {
+        let mut found = Vec::with_capacity(self.parameter_count());
+        self.clone().each(&mut |value| found.push(value.ln()));
+        found
+    }
+
+    /// Takes the logarithms of all parameters.
+    ///
+    /// # Panics
+    /// When there are fewer than [`parameter_count`](Self::parameter_count).
+    pub fn set_parameters(&mut self, logarithms: &[f64]) {
+        let mut next = logarithms.iter();
+        self.each(&mut |value| *value = next.next().expect("a parameter").exp());
+    }
+
+    /// Rows of scratch memory that [`row`](Self::row) needs.
+    pub fn scratch_rows(&self) -> usize {
+        match self {
+            Self::Sum(parts) | Self::Product(parts) => {
+                1 + parts.iter().map(Self::scratch_rows).max().unwrap_or(0)
+            }
+            _ => 0,
+        }
+    }
+
+    /// Writes the covariances of `query` with the points from `first` on to `out`. `own` is the index of the query
+    /// among the points, if it is one of them. Does not allocate.
+    ///
+    /// # Panics
+    /// When `scratch` holds fewer than [`scratch_rows`](Self::scratch_rows) rows as long as `out`.
+    pub fn row(
+        &self,
+        query: &[f64],
+        own: Option<usize>,
+        points: &Points,
+        first: usize,
+        out: &mut [f64],
+        scratch: &mut [f64],
+    ) {
+        match self {
+            Self::Rbf(s) => stationary::row(Profile::Rbf, s, query, points, first, out),
+            Self::Matern32(s) => stationary::row(Profile::Matern32, s, query, points, first, out),
+            Self::Matern52(s) => stationary::row(Profile::Matern52, s, query, points, first, out),
+            Self::Periodic { scales, period } => {
+                out.fill(0.0);
+                for (d, x) in query.iter().enumerate() {
+                    let (rate, length) = (std::f64::consts::PI / period, scales.length(d));
+                    for (out, z) in out.iter_mut().zip(&points.coordinate(d)[first..]) {
+                        let sine = (rate * (x - z)).sin() / length;
+                        *out -= 0.5 * sine * sine;
+                    }
+                }
+                out.iter_mut().for_each(|out| *out = scales.variance * out.exp());
+            }
+            Self::Linear(variances) => {
+                out.fill(0.0);
+                for (d, (x, variance)) in query.iter().zip(variances).enumerate() {
+                    for (out, z) in out.iter_mut().zip(&points.coordinate(d)[first..]) {
+                        *out += variance * x * z;
+                    }
+                }
+            }
+            Self::Bias(variance) => out.fill(*variance),
+            Self::White(variance) => {
+                out.fill(0.0);
+                if let Some(own) = own.and_then(|own| own.checked_sub(first)).and_then(|own| out.get_mut(own))
+                {
+                    *own = *variance;
+                }
+            }
+            Self::Sum(parts) => {
+                let (row, rest) = scratch.split_at_mut(out.len());
+                out.fill(0.0);
+                for part in parts {
+                    part.row(query, own, points, first, row, rest);
+                    out.iter_mut().zip(&*row).for_each(|(out, row)| *out += row);
+                }
+            }
+            Self::Product(parts) => {
+                let (row, rest) = scratch.split_at_mut(out.len());
+                out.fill(1.0);
+                for part in parts {
+                    part.row(query, own, points, first, row, rest);
+                    out.iter_mut().zip(&*row).for_each(|(out, row)| *out *= row);
+                }
+            }
+        }
+    }
+
+    /// The variance at a point, without independent noise unless `own`.
+    pub fn variance(&self, x: &[f64], own: bool) -> f64 {
+        match self {
+            Self::Rbf(s) | Self::Matern32(s) | Self::Matern52(s) | Self::Periodic { scales: s, .. } => {
+                s.variance
+            }
+            Self::Linear(variances) => variances.iter().zip(x).map(|(v, x)| v * x * x).sum(),
+            Self::Bias(variance) => *variance,
+            Self::White(variance) => {
+                if own {
+                    *variance
+                } else {
+                    0.0
+                }
+            }
+            Self::Sum(parts) => parts.iter().map(|part| part.variance(x, own)).sum(),
+            Self::Product(parts) => parts.iter().map(|part| part.variance(x, own)).product(),
+        }
+    }
+}
+
+/// Covariances of an RBF kernel of a query with all points.
+pub(crate) fn stationary_row(s: &Stationary, query: &[f64], points: &Points, out: &mut [f64]) {
+    stationary::row(Profile::Rbf, s, query, points, 0, out);
+}

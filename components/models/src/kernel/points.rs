@@ -1,0 +1,97 @@
+//! Inputs of a kernel, stored by dimension.
+
+/// Points in some dimensions, stored one dimension after another so that loops over points are contiguous.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Points {
+    dimensions: usize,
+    count: usize,
+    capacity: usize,
+    values: Vec<f64>,
+}
+
+impl Points {
+    /// Points from rows, one point a row.
+    ///
+    /// # Panics
+    /// When `rows` is not a multiple of `dimensions` long.
+    pub fn from_rows(rows: &[f64], dimensions: usize) -> Self {
+        assert!(
+            dimensions > 0 && rows.len().is_multiple_of(dimensions),
+            "{} values in rows of {dimensions}",
+            rows.len()
+        );
+        let count = rows.len() / dimensions;
+        let mut values = vec![0.0; rows.len()];
+        for (i, row) in rows.chunks_exact(dimensions).enumerate() {
+            for (d, value) in row.iter().enumerate() {
+                values[d * count + i] = *value;
+            }
+        }
+        Self { dimensions, count, capacity: count, values }
+    }
+
+    /// Dimensions of a point.
+    pub fn dimensions(&self) -> usize {
+        self.dimensions
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// True without points.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// One coordinate of all points.
+    pub fn coordinate(&self, dimension: usize) -> &[f64] {
+        &self.values[dimension * self.capacity..][..self.count]
+    }
+
+    /// One coordinate of all points.
+    pub fn coordinate_mut(&mut self, dimension: usize) -> &mut [f64] {
+        &mut self.values[dimension * self.capacity..][..self.count]
+    }
+
+    /// Copies one point.
+    pub fn copy_point(&self, index: usize, point: &mut [f64]) {
+        for (d, value) in point.iter_mut().enumerate() {
+            *value = self.coordinate(d)[index];
+        }
+    }
+
+    /// The points as rows.
+    pub fn to_rows(&self) -> Vec<f64> {
+        (0..self.count).flat_map(|i| (0..self.dimensions).map(move |d| self.coordinate(d)[i])).collect()
+    }
+
+    /// Appends a point.
+    ///
+    /// # Panics
+    /// When the point has another number of dimensions.
+    pub fn push(&mut self, point: &[f64]) {
+        assert_eq!(point.len(), self.dimensions, "dimensions of the point");
+        if self.count == self.capacity {
+            let capacity = (2 * self.capacity).max(8);
+            let mut values = vec![0.0; capacity * self.dimensions];
+            for d in 0..self.dimensions {
+                values[d * capacity..][..self.count].copy_from_slice(self.coordinate(d));
+            }
+            (self.capacity, self.values) = (capacity, values);
+        }
+        for (d, value) in point.iter().enumerate() {
+            self.values[d * self.capacity + self.count] = *value;
+        }
+        self.count += 1;
+    }
+
+    /// Removes a point; later ones move up.
+    pub fn remove(&mut self, index: usize) {
+        for d in 0..self.dimensions {
+            self.coordinate_mut(d).copy_within(index + 1.., index);
+        }
+        self.count -= 1;
+    }
+}

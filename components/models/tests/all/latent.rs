@@ -1,0 +1,123 @@
+//! Shared latent spaces against GPy, and on synthetic arms.
+
+use motorium_models::gplvm::{BackForm, FileError, LatentError, LatentModel, Settings, SpaceData};
+
+use crate::golden::{assert_close, numbers, read};
+
+#[test]
+fn energy_and_gradients_equal_gpy() {
+    let golden = read("gplvm.json");
+    let [x, y, parameters] = ["x", "y", "parameters"].map(|key| numbers(&golden[key]));
+    let (energy, by_points, by_parameters) = LatentModel::energy(&x, &y, &parameters).expect("an energy");
+    assert_close(&[energy], &numbers(&golden["energy"]), 1e-8, "energy");
+    assert_close(&by_points, &numbers(&golden["by_points"]), 1e-8, "by points");
+    assert_close(&by_parameters, &numbers(&golden["by_parameters"]), 1e-8, "by parameters");
+}
+
+/// Poses of an arm that follows two hidden causes, with directions and gains of its own.
+fn arm(columns: usize, phase: f64, rows: std::ops::Range<usize>) -> Vec<f64> {
+    rows.flat_map(|i| {
+        let (u, v) = ((0.37 * i as f64).sin(), (0.23 * i as f64 + 1.0).cos());
+        (0..columns).map(move |c| {
+            let angle = c as f64 + phase;
+            (angle.cos() * u + angle.sin() * v).tanh() + 0.2 * u * v + 0.5 * phase
+        })
+    })
+    .collect()
+}
+
+fn data<'a>(name: &'a str, columns: usize, values: &'a [f64]) -> SpaceData<'a> {
+    SpaceData { name, columns: (0..columns).map(|c| format!("joint{c}")).collect(), values }
+}
+
+fn settings(back: Option<BackForm>) -> Settings {
+    let back = back.map(|form| ("human".to_string(), form));
+    Settings { latents: 2, iterations: 100, back, ..Settings::default() }
+}
+
+/// Mean squared error on poses that the model does not know, as part of the mean predictor's.
+fn error_of(model: &LatentModel, robot: &str, columns: usize, phase: f64) -> f64 {
+    let (human, truth) = (arm(6, 0.3, 60..90), arm(columns, phase, 60..90));
+    let (from, to) = (model.space("human").expect("a space"), model.space(robot).expect("a space"));
+    let (mut mean, mut variance) = (vec![0.0; columns], vec![0.0; columns]);
+    let mut scratch = model.scratch();
+    let mut sum = 0.0;
+    for (human, truth) in human.chunks(6).zip(truth.chunks(columns)) {
+        let x = model.latent_of_pose(from, human);
+        model.predict(to, &x, &mut mean, &mut variance, &mut scratch);
+        assert!(variance.iter().all(|v| *v > 0.0));
+        sum += mean.iter().zip(truth).map(|(m, t)| (m - t) * (m - t)).sum::<f64>();
+    }
+    let means = &model.spaces()[to].mean;
+    let mean_error = |row: &[f64]| row.iter().zip(means).map(|(t, m)| (t - m) * (t - m)).sum::<f64>();
+    sum / truth.chunks(columns).map(mean_error).sum::<f64>()
+}
+
+#[test]
+fn a_transfer_is_about_as_good_as_a_whole_training() {
+    let (human, first, second) = (arm(6, 0.3, 0..60), arm(4, 1.1, 0..60), arm(5, 2.0, 0..60));
+    for back in [None, Some(BackForm::Kernel), Some(BackForm::Mlp)] {
+        let spaces = [data("human", 6, &human), data("first", 4, &first)];
+        let (mut model, trained) = LatentModel::train(&spaces, &settings(back)).expect("a model");
+        assert!(trained.minimum.value < trained.start - 100.0, "{trained:?}");
+        let before = model.latent();
+        let transferred = model.transfer(&data("second", 5, &second), 100).expect("a transfer");
+        assert_eq!(model.latent(), before, "the latent stays");
+        assert_eq!(transferred.starts.len(), 3);
+        let least = transferred.starts.iter().copied().fold(f64::INFINITY, f64::min);
+        assert_eq!(transferred.minimum.value, least);
+        assert_eq!(transferred.warning, None);
+        let error = error_of(&model, "first", 4, 1.1);
+        assert!(error < 0.1, "{back:?}: {error}");
+        let spaces = [data("human", 6, &human), data("second", 5, &second)];
+        let (whole, _) = LatentModel::train(&spaces, &settings(back)).expect("a model");
+        let [transferred, trained] = [&model, &whole].map(|model| error_of(model, "second", 5, 2.0));
+        assert!(transferred < 0.2 && transferred < 1.5 * trained, "{back:?}: {transferred} and {trained}");
+    }
+}
+
+#[test]
+fn a_robot_of_pure_noise_raises_a_warning() {
+    let (human, first) = (arm(6, 0.3, 0..60), arm(4, 1.1, 0..60));
+    let spaces = [data("human", 6, &human), data("first", 4, &first)];
+    let (mut model, _) = LatentModel::train(&spaces, &settings(None)).expect("a model");
+    // the order of the poses has nothing to do with the human
+    let noise: Vec<f64> = (0..180).map(|i| ((i * i * 7919) as f64 * 0.618_034).fract()).collect();
+    let transferred = model.transfer(&data("noise", 3, &noise), 100).expect("a transfer");
+    assert!(transferred.warning.is_some_and(|text| text.contains("hardly predicts noise")), "a warning");
+}
+
+#[test]
+fn files_hold_the_model_bit_for_bit() {
+    let (human, first) = (arm(6, 0.3, 0..30), arm(4, 1.1, 0..30));
+    let spaces = [data("human", 6, &human), data("first", 4, &first)];
+    for back in [None, Some(BackForm::Kernel), Some(BackForm::Mlp)] {
+        let (model, _) = LatentModel::train(&spaces, &settings(back)).expect("a model");
+        let text = model.to_text();
+        let read = LatentModel::from_text(&text).expect("a model");
+        assert_eq!(read.to_text(), text);
+        assert_eq!(error_of(&read, "first", 4, 1.1), error_of(&model, "first", 4, 1.1));
+        let damaged = text.replacen("\"latents\":2", "\"latents\":3", 1);
+        assert!(matches!(LatentModel::from_text(&damaged), Err(FileError::Checksum { .. })));
+        let newer = text.replacen(" 1 ", " 2 ", 1);
+        assert!(matches!(LatentModel::from_text(&newer), Err(FileError::Version { .. })));
+        assert!(matches!(LatentModel::from_text("{}"), Err(FileError::Header { .. })));
+    }
+}
+
+#[test]
+fn mistakes_are_named() {
+    let (human, first) = (arm(6, 0.3, 0..30), arm(4, 1.1, 0..29));
+    let spaces = [data("human", 6, &human), data("first", 4, &first)];
+    let error = LatentModel::train(&spaces, &settings(None)).expect_err("poses");
+    assert_eq!(error.to_string(), "space first: found 29 poses, expected 30");
+    let error =
+        LatentModel::train(&spaces[..1], &Settings { latents: 7, ..settings(None) }).expect_err("latents");
+    assert!(matches!(error, LatentError::Setting { setting: "latents", .. }), "{error}");
+    let back = Some(("robot".to_string(), BackForm::Mlp));
+    let error = LatentModel::train(&spaces[..1], &Settings { back, ..settings(None) }).expect_err("unknown");
+    assert_eq!(error.to_string(), "unknown space robot, expected one of [\"human\"]");
+    let twice = [data("human", 6, &human), data("human", 6, &human)];
+    let error = LatentModel::train(&twice, &settings(None)).expect_err("twice");
+    assert!(matches!(error, LatentError::SameName { .. }), "{error}");
+}

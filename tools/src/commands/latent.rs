@@ -1,0 +1,268 @@
+//! `motorium latent`: latent spaces shared by a human and robots.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use motorium_models::gplvm::{BackForm, LatentModel, Poses, Settings, compare};
+use serde_json::{Value, json};
+
+use crate::out::outln;
+
+/// Latent spaces that a human and robots share: train one, show it, add robots, measure errors.
+///
+/// Example: motorium latent train poses --output arms.latent && motorium latent transfer arms.latent --data poses
+/// --robot coman
+#[derive(Debug, clap::Args)]
+pub(crate) struct Latent {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Command {
+    Train(Train),
+    Show(Show),
+    Transfer(Transfer),
+    Evaluate(Evaluate),
+}
+
+impl Latent {
+    pub(crate) fn run(self) -> anyhow::Result<ExitCode> {
+        match self.command {
+            Command::Train(command) => command.run(),
+            Command::Show(command) => command.run(),
+            Command::Transfer(command) => command.run(),
+            Command::Evaluate(command) => command.run(),
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Form {
+    Kernel,
+    Mlp,
+}
+
+#[derive(Debug, clap::Args)]
+struct TrainingOptions {
+    /// Dimensions of the latent
+    #[arg(long, default_value_t = 6)]
+    latents: usize,
+    /// Make the latent a function of the poses of `--back-space`
+    #[arg(long, value_name = "FORM")]
+    back: Option<Form>,
+    /// The space of the back constraint
+    #[arg(long, value_name = "SPACE", default_value = "human")]
+    back_space: String,
+    /// Iterations at most
+    #[arg(long, default_value_t = 300)]
+    iterations: usize,
+}
+
+impl TrainingOptions {
+    fn settings(&self) -> Settings {
+        let form = self.back.map(|form| match form {
+            Form::Kernel => BackForm::Kernel,
+            Form::Mlp => BackForm::Mlp,
+        });
+        let back = form.map(|form| (self.back_space.clone(), form));
+        Settings { latents: self.latents, back, prior: true, iterations: self.iterations }
+    }
+}
+
+fn poses(data: &Path, space: &str) -> anyhow::Result<Poses> {
+    Ok(Poses::read(&data.join(format!("{space}.csv")))?)
+}
+
+/// Train a shared latent space from a folder of poses.
+///
+/// Example: motorium latent train poses --output arms.latent --robot walkman
+#[derive(Debug, clap::Args)]
+struct Train {
+    /// Folder with human.csv and one file a robot; line i of every file is the same instant
+    data: PathBuf,
+    /// The model's file
+    #[arg(long, value_name = "FILE")]
+    output: PathBuf,
+    /// Robots, separated by commas
+    #[arg(long, value_delimiter = ',', default_value = "walkman")]
+    robot: Vec<String>,
+    #[command(flatten)]
+    options: TrainingOptions,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Train {
+    fn run(self) -> anyhow::Result<ExitCode> {
+        let mut spaces = vec![poses(&self.data, "human")?];
+        for robot in &self.robot {
+            spaces.push(poses(&self.data, robot)?);
+        }
+        let data: Vec<_> = spaces.iter().map(Poses::data).collect();
+        let start = std::time::Instant::now();
+        let (model, trained) = LatentModel::train(&data, &self.options.settings())?;
+        let seconds = start.elapsed().as_secs_f64();
+        if let Some(folder) = self.output.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        }
+        model.save(&self.output)?;
+        let mut summary = summary(&model, &self.output);
+        summary["objective"] = json!({ "start": trained.start, "end": trained.minimum.value });
+        summary["iterations"] = json!(trained.minimum.iterations);
+        summary["seconds"] = json!(seconds);
+        show(&summary, self.json)
+    }
+}
+
+/// Show a model: its spaces, hyperparameters and noise.
+///
+/// Example: motorium latent show arms.latent
+#[derive(Debug, clap::Args)]
+struct Show {
+    /// The model
+    file: PathBuf,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Show {
+    fn run(self) -> anyhow::Result<ExitCode> {
+        show(&summary(&load(&self.file)?, &self.file), self.json)
+    }
+}
+
+/// Add a robot to a model, with the latent and all other spaces fixed.
+///
+/// Example: motorium latent transfer arms.latent --data poses --robot coman
+#[derive(Debug, clap::Args)]
+struct Transfer {
+    /// The model, to which the robot is added
+    file: PathBuf,
+    /// Folder with the robot's poses, at the instants of the training
+    #[arg(long, value_name = "FOLDER")]
+    data: PathBuf,
+    /// The robot
+    #[arg(long)]
+    robot: String,
+    /// Iterations at most, for each of three starts
+    #[arg(long, default_value_t = 200)]
+    iterations: usize,
+    /// Write here instead of to the model's file
+    #[arg(long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Transfer {
+    fn run(self) -> anyhow::Result<ExitCode> {
+        let mut model = load(&self.file)?;
+        let robot = poses(&self.data, &self.robot)?;
+        let start = std::time::Instant::now();
+        let transferred = model.transfer(&robot.data(), self.iterations)?;
+        let seconds = start.elapsed().as_secs_f64();
+        let output = self.output.as_ref().unwrap_or(&self.file);
+        model.save(output)?;
+        let mut summary = summary(&model, output);
+        summary["objective"] = json!({ "starts": transferred.starts, "end": transferred.minimum.value });
+        summary["seconds"] = json!(seconds);
+        summary["left_out"] = json!(transferred.left_out);
+        summary["warning"] = json!(transferred.warning);
+        show(&summary, self.json)
+    }
+}
+
+/// Compare errors on held-out poses with a direct Gaussian process, ridge regression and the nearest pose.
+///
+/// Example: motorium latent evaluate poses --robot coman --folds 5
+#[derive(Debug, clap::Args)]
+struct Evaluate {
+    /// Folder with human.csv and the robot's poses
+    data: PathBuf,
+    /// The robot
+    #[arg(long)]
+    robot: String,
+    /// Parts of the poses, each left out of one training
+    #[arg(long, default_value_t = 5)]
+    folds: usize,
+    #[command(flatten)]
+    options: TrainingOptions,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Evaluate {
+    fn run(self) -> anyhow::Result<ExitCode> {
+        let (human, robot) = (poses(&self.data, "human")?, poses(&self.data, &self.robot)?);
+        let errors = compare(&human, &robot, &self.options.settings(), self.folds)?;
+        if self.json {
+            let methods: Vec<Value> = errors
+                .iter()
+                .map(
+                    |e| json!({ "method": e.method, "mean_squared_error": e.mean, "deviation": e.deviation }),
+                )
+                .collect();
+            outln!("{}", json!({ "robot": self.robot, "folds": self.folds, "methods": methods }));
+            return Ok(ExitCode::SUCCESS);
+        }
+        for error in errors {
+            outln!("{:<18} {:.4} +- {:.4}", error.method, error.mean, error.deviation);
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+fn load(path: &Path) -> anyhow::Result<LatentModel> {
+    LatentModel::load(path).with_context(|| path.display().to_string())
+}
+
+fn summary(model: &LatentModel, path: &Path) -> Value {
+    let spaces: Vec<Value> = model
+        .spaces()
+        .iter()
+        .map(|space| {
+            json!({
+                "name": space.name,
+                "columns": space.columns,
+                "variance": space.kernel.variance,
+                "lengths": space.kernel.lengths,
+                "noise": space.noise,
+                "noise_share": space.noise_share(),
+            })
+        })
+        .collect();
+    json!({
+        "file": path,
+        "latents": model.latents(),
+        "poses": model.poses(),
+        "back_constraint": model.back_constrained().map(|space| &space.name),
+        "spaces": spaces,
+    })
+}
+
+fn show(summary: &Value, json: bool) -> anyhow::Result<ExitCode> {
+    if json {
+        outln!("{summary}");
+        return Ok(ExitCode::SUCCESS);
+    }
+    outln!("{} poses in {} latent dimensions", summary["poses"], summary["latents"]);
+    for space in summary["spaces"].as_array().into_iter().flatten() {
+        let name = space["name"].as_str().unwrap_or_default();
+        let columns = space["columns"].as_array().map_or(0, Vec::len);
+        let noise = 100.0 * space["noise_share"].as_f64().unwrap_or(f64::NAN);
+        outln!("{name:<16} {columns} columns, {noise:.1} % noise");
+    }
+    if let Some(seconds) = summary["seconds"].as_f64() {
+        outln!("{seconds:.2} s");
+    }
+    if let Some(warning) = summary["warning"].as_str() {
+        outln!("warning: {warning}");
+    }
+    Ok(ExitCode::SUCCESS)
+}
