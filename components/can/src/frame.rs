@@ -218,6 +218,12 @@ pub enum DecodeError {
         /// The field.
         field: &'static str,
     },
+    /// A number is beyond anything that the device can have measured.
+    #[error("{field} cannot be: it is beyond what the device can have reached")]
+    Implausible {
+        /// The field.
+        field: &'static str,
+    },
     /// It answers something that was not asked.
     #[error("an answer about 0x{found:X}, asked was 0x{expected:X}")]
     Answer {

@@ -13,6 +13,10 @@ pub struct Counts {
     pub duplicate: u64,
     /// Frames of it that could not be decoded.
     pub refused: u64,
+    /// Frames with a position or velocity that the joint cannot have: they are refused, too.
+    pub implausible: u64,
+    /// Emergency messages with an error code.
+    pub emergencies: u64,
     /// Commands of which a field lay beyond its range.
     pub clamped: u64,
     /// Times that it was lost.

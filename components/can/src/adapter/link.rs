@@ -12,7 +12,7 @@ use crate::table::{Table, Transmission};
 #[derive(Clone, Debug)]
 pub struct Link {
     pub(super) dialogue: Dialogue,
-    ranges: Ranges,
+    pub(super) ranges: Ranges,
     pub(super) gear: Transmission,
     pub(super) bus: usize,
     pub(super) phase: Phase,
@@ -22,6 +22,14 @@ pub struct Link {
     pub(super) stiffness: f64,
     pub(super) homing: Option<Homing>,
     pub(super) setpoint: Setpoint,
+    /// Lowest and highest position of its joint, and the distance beyond them at which it is still enabled.
+    pub(super) limits: ([f64; 2], f64),
+    /// Time of the newest message with its state, ns, where its answers are without.
+    pub(super) state_ns: Option<u64>,
+    /// Its newest answer says that it is off.
+    pub(super) is_off: bool,
+    /// It is let go for the rest of the run.
+    pub(super) is_released: bool,
     /// Frames of its bus in this cycle after which it has been asked; `None` if it is not.
     pub(super) asked_by: Option<usize>,
     pub(super) asked: bool,
@@ -62,6 +70,10 @@ impl Link {
             stiffness: 0.0,
             homing: entry.homing.as_ref().filter(|_| entry.is_homed()).map(Homing::of),
             setpoint: Setpoint::default(),
+            limits: ([f64::NEG_INFINITY, f64::INFINITY], 0.0),
+            state_ns: None,
+            is_off: false,
+            is_released: false,
             asked_by: None,
             asked: false,
             answered: false,
@@ -176,18 +188,36 @@ impl Link {
                 }
                 Taken { wrong, ..Taken::default() }
             }
-            Response::State(state) => Taken { trips: self.follow(state), ..Taken::default() },
+            Response::Waiting => {
+                (self.answered, self.owed) = (true, 0);
+                Taken::default()
+            }
+            Response::State(state) => {
+                self.state_ns = Some(time_ns);
+                self.is_off = state != State::Enabled;
+                Taken { trips: self.follow(state), ..Taken::default() }
+            }
+            Response::Emergency { fault, is_present } => {
+                self.counts.emergencies += 1;
+                self.fault = Some(fault);
+                let has_torque = matches!(self.phase, Phase::Homing | Phase::Enabling | Phase::Enabled);
+                Taken { trips: is_present && has_torque, ..Taken::default() }
+            }
             Response::Restarted => {
                 self.forget_homing();
                 Taken { trips: self.follow_restart(), has_restarted: true, wrong: None }
             }
             Response::Other => Taken::default(),
             Response::Feedback(feedback) => {
+                self.refuse_implausible(&feedback, time_ns)?;
                 if !self.sort(time_ns) {
                     return Ok(Taken::default());
                 }
+                self.dialogue.accept(&feedback);
                 self.fresh = true;
                 self.received_ns = Some(time_ns);
+                self.state_ns.get_or_insert(time_ns);
+                self.is_off = feedback.state != State::Enabled;
                 self.position = self.gear.to_joint(feedback.position);
                 self.velocity = feedback.velocity / self.gear.ratio;
                 self.effort = feedback.torque * self.gear.ratio;
@@ -197,70 +227,17 @@ impl Link {
         })
     }
 
-    /// True if the answer of this cycle has come; of a drive that reports by itself, if no report is overdue.
-    pub(super) fn has_answered(&self) -> bool {
-        match (self.dialogue.reports_every_ns(), self.received_ns) {
-            (None, _) => self.answered,
-            (Some(_), None) => false,
-            (Some(every_ns), Some(received_ns)) => received_ns + every_ns >= self.sent_ns,
-        }
-    }
-
-    /// Sorts an answer that was received at `time_ns` into the cycles, and counts it; false for one that is not to be taken.
-    ///
-    /// Answers carry no number. One that comes sooner than this cycle's frame can have been answered belongs to an earlier
-    /// one, and so does the first of two in a cycle after one without.
-    fn sort(&mut self, time_ns: u64) -> bool {
-        if self.dialogue.reports_every_ns().is_some() {
-            self.answered = true;
-            return true;
-        }
-        let is_late = time_ns < self.sent_ns + self.soonest_ns || self.is_behind;
-        if is_late {
-            self.counts.late += 1;
-            self.owed = self.owed.saturating_sub(1);
-        } else if self.answered && self.owed == 0 {
-            self.counts.duplicate += 1;
-            return false;
-        } else if self.answered {
-            self.counts.late += 1;
-            self.owed -= 1;
-        }
-        self.answered |= !is_late;
-        true
-    }
-
-    /// Ends the cycle in which it was left out, if it was: an answer proves that it is a cycle behind; without one the answer
-    /// that it owes is lost. True for the former.
-    pub(super) fn end_probe(&mut self) -> bool {
-        if !core::mem::take(&mut self.is_probed) {
-            return false;
-        }
-        (self.owed, self.is_behind) = (0, self.answered);
-        if self.is_behind {
-            // the answer before was as late, and its cycle without one
-            self.counts.late += 2;
-            self.counts.missing += 1;
-            self.answered = false;
-        }
-        self.is_behind
-    }
-
     /// Enters that it was lost in this cycle.
     pub(super) fn lose(&mut self, cycle: u64) {
         self.counts.lost += 1;
         self.counts.lost_in = Some(cycle);
     }
 
-    /// Leaves it out of the next cycle, if its answers may come a cycle late: one has not come, and those since are answers
-    /// to the frames before just as well.
-    pub(super) fn probe(&mut self) {
-        let answers = self.dialogue.reports_every_ns().is_none();
-        self.is_probed = answers && self.phase == Phase::Enabled && self.owed > 0 && self.silent == 0;
-    }
-
     /// The order of this cycle.
     pub(super) fn order(&self, trip: Option<OnTrip>) -> Order {
+        if self.is_released {
+            return Order::Disable;
+        }
         match (trip, self.phase) {
             (Some(OnTrip::Disable), _) => Order::Disable,
             (Some(OnTrip::Damp), Phase::Fault) => Order::Rest,
@@ -344,14 +321,14 @@ impl Link {
                 }
                 false
             }
-            (State::Disabled, Phase::Homing) if self.is_led() => {
+            (State::Disabled, Phase::Homing) if self.is_led() && !self.is_released => {
                 self.end_homing(HomingState::Failed(HomingFault::LetGo));
                 self.phase = Phase::Fault;
                 self.counts.faults += 1;
                 true
             }
             // It let go by itself: its power was cut, or its watchdog acted unseen.
-            (State::Disabled, Phase::Enabled) => {
+            (State::Disabled, Phase::Enabled) if !self.is_released => {
                 self.forget_homing();
                 self.phase = Phase::Fault;
                 self.counts.faults += 1;

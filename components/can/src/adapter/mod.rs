@@ -9,11 +9,14 @@
 //! and answers again, it is left out of one cycle: an answer that comes nevertheless proves it to be a cycle behind, and it
 //! counts as lost. If none comes, the one answer was lost, and the drive goes on.
 
+mod answers;
 mod common_answer;
 mod counts;
 mod dialogue;
+mod enabling;
 mod homing;
 mod link;
+mod plausible;
 mod rounding;
 mod setting;
 
@@ -91,6 +94,8 @@ pub struct Adapter {
     stray: u64,
     enabled_in: Option<u64>,
     wrong: Option<(usize, WrongSetting)>,
+    /// The drive that was not enabled again, as its joint was outside of its range.
+    out_of_range: Option<(usize, WrongSetting)>,
 }
 
 impl Adapter {
@@ -111,6 +116,7 @@ impl Adapter {
             stray: 0,
             enabled_in: None,
             wrong: None,
+            out_of_range: None,
         }
     }
 
@@ -160,7 +166,7 @@ impl Adapter {
 
     /// Trips it for a reason of the caller, such as a bus that was left.
     pub fn trip(&mut self) {
-        self.tripped = true;
+        self.tripped |= !self.is_observer;
     }
 
     /// Takes a frame that was received on a bus.
@@ -191,7 +197,7 @@ impl Adapter {
             }
             match link.take(frame, *time_ns) {
                 Ok(taken) => {
-                    self.tripped |= taken.trips;
+                    self.tripped |= taken.trips && !self.is_observer;
                     if taken.has_restarted && !self.tripped {
                         link.begin_anew();
                     }
@@ -250,7 +256,8 @@ impl Adapter {
             Phase::Enabling | Phase::Enabled => link.is_homed(),
             Phase::Checking(_) | Phase::Homing | Phase::Fault => false,
         };
-        if !self.tripped && !self.is_observer && self.links.iter().all(ready) {
+        let is_ready = !self.is_observer && self.links.iter().all(ready);
+        if is_ready && !self.tripped && !self.refuse_out_of_range() {
             for link in self.links.iter_mut().filter(|link| link.phase == Phase::Disabled) {
                 link.phase = Phase::Enabling;
             }
@@ -363,7 +370,7 @@ impl Adapter {
 
     /// Lets it go on after it has tripped: drives that are lost or let go are checked and enabled again.
     pub fn resume(&mut self) {
-        self.tripped = false;
+        (self.tripped, self.out_of_range) = (false, None);
         for link in &mut self.links {
             // one that does not tell its state may have let go meanwhile
             let is_well = link.phase == Phase::Enabled

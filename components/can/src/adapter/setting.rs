@@ -24,6 +24,33 @@ pub enum WrongSetting {
         /// That of the table.
         expected: f64,
     },
+    /// The control mode.
+    #[error("its control mode ({register}) is {found}, expected {expected}")]
+    ControlMode {
+        /// The drive's.
+        found: i64,
+        /// The adapter's.
+        expected: i64,
+        /// Register or object that has it.
+        register: &'static str,
+    },
+    /// The position before it is enabled, rad or m.
+    #[error(
+        "it reads {found:.3}, the joint has {lower:.3} to {upper:.3} (and a margin of {margin}): {}",
+        correction(*turns)
+    )]
+    Position {
+        /// The joint position that follows from its reading.
+        found: f64,
+        /// The joint's lowest position.
+        lower: f64,
+        /// The joint's highest position.
+        upper: f64,
+        /// Distance beyond both that is allowed.
+        margin: f64,
+        /// `turns` of the drive table with which the reading would be in the range, if there are any.
+        turns: Option<i32>,
+    },
     /// The limit of the current, in the units of the drive's register.
     #[error("its limit of current is {found}, the table says {expected}, in the units of its register")]
     CurrentLimit {
@@ -102,6 +129,15 @@ pub enum WrongSetting {
         /// The code of the drive.
         code: u32,
     },
+}
+
+/// The correction of a position outside of the joint's range.
+fn correction(turns: Option<i32>) -> String {
+    let always = "move the joint into its range, give the drive a `homing`, or correct `offset` in the drive table";
+    match turns {
+        Some(turns) => format!("{always}; if it is whole turns away, write `turns = {turns}` there"),
+        None => always.to_string(),
+    }
 }
 
 fn ms(watchdog: Option<u64>) -> String {

@@ -2,7 +2,7 @@
 
 use motorium::declare::ConfigError;
 use motorium::safety::JointLimits;
-use motorium_robots::ProfileError;
+use motorium_robots::{JointKind, ProfileError};
 
 use super::Equipped;
 use crate::HomingBy;
@@ -39,6 +39,17 @@ pub(super) fn of_joints(equipped: &Equipped) -> Result<Vec<JointLimits>, ConfigE
         JointLimits { max_kp: limits.max_kp.min(most_kp), max_kd: limits.max_kd.min(most_kd), ..limits }
     };
     Ok(model.joint_names().iter().enumerate().map(joint).collect())
+}
+
+/// Lowest and highest position of each joint, and the distance beyond them at which its drive is still enabled: this one, or 0.05 rad
+/// and 5 mm.
+pub(super) fn of_enabling(equipped: &Equipped, margin: Option<f64>) -> Vec<([f64; 2], f64)> {
+    let model = &equipped.robot.model;
+    let joint = |i: usize| {
+        let usual = if model.joint(i).kind == JointKind::Prismatic { 0.005 } else { 0.05 };
+        ([model.lower()[i], model.upper()[i]], margin.unwrap_or(usual))
+    };
+    (0..model.joint_count()).map(joint).collect()
 }
 
 /// Joints of which the drive covers less than the range: name, what it covers, what the joint needs.

@@ -20,6 +20,8 @@ pub enum Register {
     OverCurrent = 3,
     /// Time without a command after which the drive lets go, in units of 50 us; 0 for never.
     Timeout = 9,
+    /// The control mode: 1 MIT, 2 position and velocity, 3 velocity, 4 position and force.
+    ControlMode = 10,
     /// The largest position of the range, rad.
     PositionMax = 21,
     /// The largest velocity of the range, rad/s.
@@ -30,7 +32,10 @@ pub enum Register {
 
 impl Register {
     /// Those that are read before a drive is enabled, in this order.
-    pub const CHECKED: [Self; 4] = [Self::Timeout, Self::PositionMax, Self::VelocityMax, Self::TorqueMax];
+    pub const CHECKED: [Self; 5] =
+        [Self::Timeout, Self::ControlMode, Self::PositionMax, Self::VelocityMax, Self::TorqueMax];
+    /// The value of [`ControlMode`](Self::ControlMode) in which a drive follows the commands of the MIT family.
+    pub const MIT_MODE: u32 = 1;
 
     fn of(code: u8) -> Result<Self, DecodeError> {
         let mut all = Self::CHECKED.into_iter().chain([Self::OverCurrent]);
@@ -44,6 +49,8 @@ impl Register {
 pub enum Value {
     /// Time without a command after which the drive lets go, ns; `None` for never.
     Watchdog(Option<u64>),
+    /// A control mode.
+    Mode(u32),
     /// The end of a range, or a share.
     Number(f64),
 }
@@ -128,6 +135,7 @@ impl Request {
                 let units = time.unwrap_or(0).div_ceil(TIMEOUT_NS);
                 u32::try_from(units).unwrap_or(u32::MAX).to_le_bytes()
             }
+            Value::Mode(mode) => mode.to_le_bytes(),
             Value::Number(max) => (max as f32).to_le_bytes(),
         };
         let [a, b, c, d] = bytes;
@@ -174,6 +182,7 @@ impl Request {
                 let units = u64::from(u32::from_le_bytes(bytes));
                 Ok(Value::Watchdog((units > 0).then_some(units * TIMEOUT_NS)))
             }
+            Register::ControlMode => Ok(Value::Mode(u32::from_le_bytes(bytes))),
             _ => finite(bytes, "the number of a register").map(Value::Number),
         }
     }

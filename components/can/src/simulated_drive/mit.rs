@@ -37,6 +37,8 @@ pub struct SimulatedDrive {
     command: Command,
     state: State,
     commanded_ns: u64,
+    /// Its control mode: register 10 of a Damiao drive.
+    control_mode: u32,
     /// The share of its full current at which it lets go, and the torque at the full current, N m.
     over_current: f64,
     full_torque: Option<f64>,
@@ -53,6 +55,7 @@ impl SimulatedDrive {
             command: Command::default(),
             state: State::Disabled,
             commanded_ns: 0,
+            control_mode: Register::MIT_MODE,
             over_current: OVER_CURRENT,
             full_torque: None,
             motor: Motor::new(codec.ranges().torque.max),
@@ -64,6 +67,12 @@ impl SimulatedDrive {
     #[must_use]
     pub fn with_full_torque(self, torque: f64) -> Self {
         Self { full_torque: Some(torque), ..self }
+    }
+
+    /// The same, in another control mode: register 10 of a Damiao drive. Default 1, the mode of the MIT family.
+    #[must_use]
+    pub fn with_control_mode(self, control_mode: u32) -> Self {
+        Self { control_mode, ..self }
     }
 
     /// Its codec, with the ranges that stand in the drive.
@@ -129,6 +138,7 @@ impl SimulatedDrive {
         match register {
             Register::OverCurrent => Value::Number(self.over_current),
             Register::Timeout => Value::Watchdog(self.watchdog_ns),
+            Register::ControlMode => Value::Mode(self.control_mode),
             Register::PositionMax => Value::Number(ranges.position.max),
             Register::VelocityMax => Value::Number(ranges.velocity.max),
             Register::TorqueMax => Value::Number(ranges.torque.max),

@@ -77,6 +77,9 @@ pub struct DriveEntry {
     /// Joint position where the drive says zero (rad or m). Default 0.
     #[serde(default)]
     pub offset: f64,
+    /// Whole turns of the drive's output shaft that are added to its reading, for one that comes up whole turns away. Default 0.
+    #[serde(default)]
+    pub turns: i32,
     /// The quantity that it is commanded: "position", by its own loop, "velocity", with the position loop in the adapter (CiA 402
     /// only), or "torque", with the gains of the commands applied in the adapter. Default "position". Of ODrive and CiA 402 only.
     pub mode: Option<ControlMode>,

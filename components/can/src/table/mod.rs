@@ -85,6 +85,8 @@ pub struct Transmission {
     pub ratio: f64,
     /// Joint position where the drive says zero (rad or m).
     pub offset: f64,
+    /// Turns of the drive that are in `offset`.
+    pub turns: i32,
 }
 
 impl Transmission {
@@ -244,7 +246,9 @@ impl Table {
     pub fn transmission(&self, index: usize) -> Transmission {
         let entry = &self.drives[index];
         let sign = if entry.reversed { -1.0 } else { 1.0 };
-        Transmission { ratio: sign * entry.ratio, offset: entry.offset }
+        let ratio = sign * entry.ratio;
+        let offset = entry.offset + f64::from(entry.turns) * core::f64::consts::TAU / ratio;
+        Transmission { ratio, offset, turns: entry.turns }
     }
 
     /// The rates of a bus.

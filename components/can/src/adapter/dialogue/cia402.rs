@@ -3,6 +3,7 @@
 //! The set-up stops process data, maps them, has the drive wait for the heartbeat of the adapter, which is its watchdog, and compares the
 //! rated torque with the table. Then the node is started, and the state machine led to enabled by the controlword.
 
+mod emergency;
 mod homing;
 
 use core::f64::consts::TAU;
@@ -14,8 +15,9 @@ use crate::cia402::{
     Object, Process, Service, Setpoint, Value,
 };
 use crate::frame::{DecodeError, Frame};
-use crate::mit::{Command, Fault, Feedback, Ranges, State};
+use crate::mit::{Command, Feedback, Ranges, State};
 use crate::table::{ControlMode, HomingObjects, LoopEntry, Table};
+use emergency::{fault, response};
 use homing::Stage;
 
 #[derive(Clone, Debug)]
@@ -44,6 +46,10 @@ pub(in crate::adapter) struct Cia402 {
     motion: Motion,
     /// The statusword and the position of this cycle have come.
     has_position: bool,
+    /// The position of this cycle, rad.
+    read_position: f64,
+    /// Reads of the mode display that were answered with another mode, one after the other.
+    mode_reads: u8,
     /// The code of its last emergency message.
     emergency: u16,
 }
@@ -54,10 +60,13 @@ const CLEARS: u8 = 4;
 const WATCHDOG: u8 = Mapping::ALL.len() as u8 * Mapping::STEPS;
 const READ_WATCHDOG: u8 = WATCHDOG + 1;
 const MODE: u8 = WATCHDOG + 2;
-const INTERPOLATION_UNITS: u8 = WATCHDOG + 3;
-const INTERPOLATION_EXPONENT: u8 = WATCHDOG + 4;
-const RATED_TORQUE: u8 = WATCHDOG + 5;
-const SETTINGS: u8 = WATCHDOG + 6;
+const READ_MODE: u8 = WATCHDOG + 3;
+const INTERPOLATION_UNITS: u8 = WATCHDOG + 4;
+const INTERPOLATION_EXPONENT: u8 = WATCHDOG + 5;
+const RATED_TORQUE: u8 = WATCHDOG + 6;
+const SETTINGS: u8 = WATCHDOG + 7;
+/// Reads of the mode display until a mode that was written counts as refused.
+const MODE_READS: u8 = 100;
 /// Settings of a drive whose current is limited.
 const LIMITED: [Extra; 2] = [Extra::RatedCurrent, Extra::MaxCurrent];
 /// Settings of a drive that homes itself.
@@ -98,6 +107,8 @@ impl Cia402 {
             state: DriveState::NotReady,
             motion: Motion::default(),
             has_position: false,
+            read_position: 0.0,
+            mode_reads: 0,
             emergency: 0,
         }
     }
@@ -165,6 +176,7 @@ impl Cia402 {
             }
             READ_WATCHDOG => Service::Read(Object::HEARTBEAT_CONSUMER),
             MODE => Service::Write(Object::MODE, Value::byte(self.cyclic() as u8)),
+            READ_MODE => Service::Read(Object::MODE_DISPLAY),
             INTERPOLATION_UNITS => Service::Write(Object::INTERPOLATION_UNITS, Value::byte(units as u8)),
             INTERPOLATION_EXPONENT => {
                 Service::Write(Object::INTERPOLATION_EXPONENT, Value::byte(exponent as u8))
@@ -258,8 +270,9 @@ impl Cia402 {
 
     pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         if frame.id == self.node.id(0x080) {
-            self.emergency = self.node.emergency(frame)?.code;
-            return Ok(Response::Other);
+            let emergency = self.node.emergency(frame)?;
+            self.emergency = emergency.code;
+            return Ok(response(emergency));
         }
         if frame.id == self.node.id(0x700) {
             return Ok(match self.node.heartbeat(frame)? {
@@ -270,7 +283,7 @@ impl Cia402 {
         }
         match checking {
             Some(setting) if frame.id == self.node.id(0x580) => {
-                self.check(setting, frame).map(Response::Setting)
+                self.check_setting(setting, frame)
             }
             // process data of before
             Some(_) => Ok(Response::Other),
@@ -280,6 +293,17 @@ impl Cia402 {
             }
             None => self.process(frame),
         }
+    }
+
+    /// Checks a setting; a drive may display its new mode some time after it was written.
+    fn check_setting(&mut self, setting: u8, frame: &Frame) -> Result<Response, DecodeError> {
+        let wrong = self.check(setting, frame)?;
+        let is_mode = matches!(wrong, Some(WrongSetting::ControlMode { .. }));
+        self.mode_reads = if is_mode { self.mode_reads + 1 } else { 0 };
+        Ok(match is_mode && self.mode_reads < MODE_READS {
+            true => Response::Waiting,
+            false => Response::Setting(wrong),
+        })
     }
 
     fn check(&self, setting: u8, frame: &Frame) -> Result<Option<WrongSetting>, DecodeError> {
@@ -305,6 +329,11 @@ impl Cia402 {
                     (is_ours.then_some(found_ns), u64::from(self.watchdog_ms) * 1_000_000);
                 (found.unwrap_or(0) != expected).then_some(WrongSetting::Watchdog { found, expected })
             }
+            READ_MODE => {
+                let (found, expected) = (i64::from(value as u8 as i8), i64::from(self.cyclic() as u8));
+                let register = "object 0x6061";
+                (found != expected).then_some(WrongSetting::ControlMode { found, expected, register })
+            }
             RATED_TORQUE => {
                 let (found, expected) = (f64::from(value) * 1e-3, self.rated_torque);
                 ((found - expected).abs() > 0.6e-3).then_some(WrongSetting::RatedTorque { found, expected })
@@ -318,19 +347,22 @@ impl Cia402 {
         })
     }
 
+    pub(super) fn accept(&mut self, feedback: &Feedback) {
+        (self.motion.position, self.motion.velocity) = (feedback.position, feedback.velocity);
+    }
+
     fn process(&mut self, frame: &Frame) -> Result<Response, DecodeError> {
         match self.node.process(frame)? {
             Process::Position { statusword, position } => {
                 self.state = DriveState::of(statusword)?;
                 self.take_homing_status(statusword);
-                self.motion.position = f64::from(position) / self.increments * TAU;
+                self.read_position = f64::from(position) / self.increments * TAU;
                 self.has_position = true;
                 Ok(Response::Other)
             }
             // the answer is whole with both frames
             Process::Motion { .. } if !core::mem::take(&mut self.has_position) => Ok(Response::Other),
             Process::Motion { velocity, torque } => {
-                self.motion.velocity = f64::from(velocity) / self.increments * TAU;
                 let state = match self.state {
                     DriveState::Enabled => State::Enabled,
                     DriveState::Fault | DriveState::FaultReaction if self.clears == 0 => {
@@ -339,8 +371,8 @@ impl Cia402 {
                     _ => State::Disabled,
                 };
                 Ok(Response::Feedback(Feedback {
-                    position: self.motion.position,
-                    velocity: self.motion.velocity,
+                    position: self.read_position,
+                    velocity: f64::from(velocity) / self.increments * TAU,
                     torque: f64::from(torque) * 1e-3 * self.rated_torque,
                     temperature: None,
                     voltage: None,
@@ -348,20 +380,6 @@ impl Cia402 {
                 }))
             }
         }
-    }
-}
-
-/// The fault that an error code of CiA 402 names.
-fn fault(code: u16) -> Fault {
-    match code {
-        0x8130 => Fault::CommunicationLost,
-        0x2300..=0x23ff => Fault::OverCurrent,
-        0x3210..=0x321f => Fault::OverVoltage,
-        0x3220..=0x322f => Fault::UnderVoltage,
-        0x4310..=0x431f => Fault::HotTransistors,
-        0x4300..=0x43ff => Fault::HotMotor,
-        0x7300..=0x73ff => Fault::Encoder,
-        code => Fault::Other(code.into()),
     }
 }
 

@@ -5,7 +5,7 @@ use crate::adapter::WrongSetting;
 use crate::adapter::rounding::Rounding;
 use crate::damiao::{Register, Request, Value};
 use crate::frame::{DecodeError, Form, Frame};
-use crate::mit::{Command, Drive, Instruction, Reply};
+use crate::mit::{Command, Drive, Feedback, Instruction, Reply};
 
 /// Registers that are read of every Damiao drive.
 const CHECKED: u8 = Register::CHECKED.len() as u8;
@@ -75,12 +75,14 @@ impl Mit {
         match checking {
             Some(register) => self.check(register, frame).map(Response::Setting),
             None => {
-                let feedback = self.codec.reply(frame)?;
-                let (position, velocity) = (feedback.position, feedback.velocity);
-                self.motion = Some(Motion { position, velocity, held: None });
-                Ok(Response::Feedback(feedback))
+                self.codec.reply(frame).map(Response::Feedback)
             }
         }
+    }
+
+    pub(super) fn accept(&mut self, feedback: &Feedback) {
+        let (position, velocity) = (feedback.position, feedback.velocity);
+        self.motion = Some(Motion { position, velocity, held: None });
     }
 
     fn request(&self, setting: u8) -> Request {
@@ -99,12 +101,17 @@ impl Mit {
         let expected = match request.register {
             Register::PositionMax => ranges.position.max,
             Register::VelocityMax => ranges.velocity.max,
-            Register::TorqueMax | Register::Timeout => ranges.torque.max,
+            Register::TorqueMax | Register::Timeout | Register::ControlMode => ranges.torque.max,
             Register::OverCurrent => self.share.unwrap_or_default(),
         };
         Ok(match value {
             Value::Watchdog(found) => (found.unwrap_or(0) != self.watchdog_ns)
                 .then_some(WrongSetting::Watchdog { found, expected: self.watchdog_ns }),
+            Value::Mode(found) => (found != Register::MIT_MODE).then_some(WrongSetting::ControlMode {
+                found: i64::from(found),
+                expected: i64::from(Register::MIT_MODE),
+                register: "register 10",
+            }),
             Value::Number(found) if request.register == Register::OverCurrent => {
                 ((found - expected).abs() > 1e-5).then_some(WrongSetting::CurrentLimit { found, expected })
             }

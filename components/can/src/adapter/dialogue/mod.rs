@@ -8,7 +8,7 @@ mod servo;
 
 use super::{HomingFault, WrongSetting};
 use crate::frame::{DecodeError, Form, Frame};
-use crate::mit::{Command, Feedback, Ranges, State};
+use crate::mit::{Command, Fault, Feedback, Ranges, State};
 use crate::table::{ControlMode, LoopEntry, Protocol, Table};
 pub(super) use servo::Servo;
 
@@ -38,6 +38,10 @@ pub(super) enum Response {
     Setting(Option<WrongSetting>),
     /// The state that it is in, beside its answers.
     State(State),
+    /// That a setting does not have its value yet: it is read again.
+    Waiting,
+    /// An error that it reports in a message of its own, and whether it is still present.
+    Emergency { fault: Fault, is_present: bool },
     /// That it has just started, and knows nothing of before.
     Restarted,
     /// Something beside its answers.
@@ -104,6 +108,25 @@ impl Dialogue {
         match self {
             Self::Odrive(drive) => Some(drive.every_ns),
             _ => None,
+        }
+    }
+
+    /// Longest time between two messages with its state, ns, of a drive whose answers are without it.
+    pub(super) fn state_within_ns(&self) -> Option<u64> {
+        match self {
+            Self::Odrive(_) => Some(odrive::HEARTBEAT_WITHIN_NS),
+            _ => None,
+        }
+    }
+
+    /// Enters an answer that is believed: setpoints may follow from it.
+    pub(super) fn accept(&mut self, feedback: &Feedback) {
+        match self {
+            Self::Mit(drive) => drive.accept(feedback),
+            Self::Odrive(drive) => drive.accept(feedback),
+            Self::Cia402(drive) => drive.accept(feedback),
+            Self::Servo(drive) => drive.accept(feedback),
+            Self::Moteus(_) => {}
         }
     }
 

@@ -24,6 +24,8 @@ const SEEN_WITHIN: u8 = 5;
 /// Reports of the position after the end of a homing until one counts from the mark: the first one may have waited for the bus since
 /// before.
 const FROM_ITS_MARK: u8 = 2;
+/// Longest time between two heartbeats, ns: three of them, at ten a second, and half of one for the bus.
+pub(super) const HEARTBEAT_WITHIN_NS: u64 = 350_000_000;
 /// Error of an axis: its watchdog was not fed.
 const WATCHDOG_EXPIRED: u32 = 0x800;
 
@@ -200,6 +202,11 @@ impl Odrive {
         frames.push(self.node.frame(&instruction));
     }
 
+    pub(super) fn accept(&mut self, feedback: &Feedback) {
+        (self.motion.position, self.motion.velocity) = (feedback.position, feedback.velocity);
+        self.count_report();
+    }
+
     fn follow(&mut self, command: &Command) -> Instruction {
         let torque = match self.mode {
             ControlMode::Position | ControlMode::Velocity => {
@@ -237,8 +244,6 @@ impl Odrive {
                 Response::State(self.state)
             }
             Report::Encoder { position, velocity } => {
-                (self.motion.position, self.motion.velocity) = (position, velocity);
-                self.count_report();
                 Response::Feedback(Feedback {
                     position,
                     velocity,

@@ -298,7 +298,11 @@ impl Servo {
         (found != expected).then_some(WrongSetting::HomingOffset { found, expected })
     }
 
-    fn state(&mut self, status: &Status<'_>) -> Result<Feedback, DecodeError> {
+    pub(super) fn accept(&mut self, feedback: &Feedback) {
+        (self.motion.position, self.motion.velocity) = (feedback.position, feedback.velocity);
+    }
+
+    fn state(&self, status: &Status<'_>) -> Result<Feedback, DecodeError> {
         let most = self.torque;
         let feedback = match self.maker {
             Maker::Feetech => {
@@ -335,7 +339,6 @@ impl Servo {
                 }
             }
         };
-        (self.motion.position, self.motion.velocity) = (feedback.position, feedback.velocity);
         Ok(feedback)
     }
 }

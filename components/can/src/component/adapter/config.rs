@@ -95,6 +95,17 @@ pub struct CanAdapterConfig {
     /// Default false.
     #[serde(default)]
     pub allow_no_watchdog: bool,
+    /// True: no drive is enabled, and the joints are moved by hand and measured, as those of a leader arm. The adapter is no actuator then: it
+    /// has no input `joint_command`, and no safe state. Drives with a `homing` are refused, as it needs torque. Default false.
+    #[serde(default)]
+    pub observe: bool,
+    /// Distance beyond the limits of a joint (rad or m) at which its drive is still enabled. A reading farther out refuses all drives: a
+    /// drive a turn away would be driven into its stop. At least 0. Default 0.05 of a joint that turns, 0.005 of one that slides.
+    pub enable_margin: Option<f64>,
+    /// True: drives stay enabled at the end of a run, until their watchdogs let go. By default they are let go after `settle`, in the last
+    /// act of an orderly end, and a joint without a holding brake sinks from there. Default false.
+    #[serde(default)]
+    pub leave_enabled: bool,
     /// Longest time for which a step waits for the answers of drives on real buses. Default half a period. With `command_within`
     /// answers have until the next step, and are waited for only on serial lines.
     pub answer_within: Option<TimeSpan>,
@@ -137,6 +148,28 @@ fn gravity() -> [f64; 3] {
     [0.0, 0.0, -9.81]
 }
 
+/// Refuses what an adapter that only listens cannot do.
+pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> Result<(), ConfigError> {
+    if !config.observe {
+        return Ok(());
+    }
+    if let Some(drive) = equipped.table.drives.iter().find(|drive| drive.is_homed()) {
+        let message = format!("the drive of `{}` has to be homed, which needs torque", drive.joint);
+        return Err(ConfigError::key("observe", message).advise(
+            "leave `homing` out, and write the `offset` from which its position counts, or let the adapter enable it",
+        ));
+    }
+    if config.command_within.is_some() {
+        return Err(ConfigError::key("command_within", "with `observe` there are no commands to wait for")
+            .advise("leave it out"));
+    }
+    if config.leave_enabled {
+        return Err(ConfigError::key("leave_enabled", "with `observe` no drive is enabled")
+            .advise("leave it out"));
+    }
+    Ok(())
+}
+
 /// Refuses drives whose watchdog is off, or acts between two commands; warns of one that a single lost command sets off.
 pub(super) fn check_watchdogs(
     config: &CanAdapterConfig,
@@ -146,6 +179,7 @@ pub(super) fn check_watchdogs(
     let drives = &equipped.table.drives;
     if let Some(drive) = drives.iter().find(|drive| drive.watchdog.ns == 0)
         && !config.allow_no_watchdog
+        && !config.observe
     {
         let message = format!("the watchdog of the drive of `{}` is off", drive.joint);
         return Err(ConfigError::key("drives", message).advise(

@@ -13,6 +13,13 @@ use crate::bus::{Bus, Received};
 use crate::component::{interfaces, wire};
 use crate::{Frame, RealBus, Table};
 
+/// Longest time for which drives are asked to let go at the end, ns: an ODrive says so in its next heartbeat.
+const RELEASE_NS: u64 = 300_000_000;
+/// Time that each round of orders has for its answers, ns.
+const RELEASE_EVERY_NS: u64 = 5_000_000;
+/// Rounds after the first one.
+const RELEASES: u32 = 2;
+
 /// The way in which frames are exchanged.
 pub(super) enum Exchange {
     /// The buses are simulated: frames go through topics, and answers come in a later step.
@@ -174,14 +181,46 @@ impl Sockets {
         }
     }
 
+    /// Sends drives that are to let go their orders until each has answered that it is off, for at most [`RELEASE_NS`]; whether all
+    /// have.
+    pub(super) fn release(
+        &mut self,
+        adapter: &mut Adapter,
+        accounts: &mut [BusAccount],
+        frames: &mut Vec<Frame>,
+    ) -> bool {
+        let until_ns = self.clock.now_ns() + RELEASE_NS;
+        // an answer to a frame from before says nothing: the orders are sent again after it
+        for round in 0.. {
+            self.send(adapter, accounts, frames);
+            self.receive_for(adapter, accounts, RELEASE_EVERY_NS, |_| false);
+            adapter.end_cycle(false);
+            if round >= RELEASES && adapter.is_released() || self.clock.now_ns() >= until_ns {
+                break;
+            }
+        }
+        adapter.is_released()
+    }
+
     /// Receives until all that were asked have answered, or the time for it is over.
     fn await_answers(&mut self, adapter: &mut Adapter, accounts: &mut [BusAccount]) {
-        let Some(within_ns) = self.answer_within_ns else { return };
+        if let Some(within_ns) = self.answer_within_ns {
+            self.receive_for(adapter, accounts, within_ns, Adapter::has_all_answers);
+        }
+    }
+
+    fn receive_for(
+        &mut self,
+        adapter: &mut Adapter,
+        accounts: &mut [BusAccount],
+        within_ns: u64,
+        is_enough: fn(&Adapter) -> bool,
+    ) {
         let until_ns = self.clock.now_ns() + within_ns;
         loop {
             self.collect(adapter, accounts);
             let left_ns = until_ns.saturating_sub(self.clock.now_ns());
-            if left_ns == 0 || adapter.has_all_answers() {
+            if left_ns == 0 || is_enough(adapter) {
                 return;
             }
             // an interface that is down would end the wait at once

@@ -20,7 +20,7 @@ use crate::adapter::{Adapter, Link, OnTrip, Phase, Setpoint};
 use account::BusAccount;
 use config::WhenTripped;
 pub use config::{CanAdapterConfig, JointHealth};
-use config::{check_budget, check_homing_loads, check_watchdogs};
+use config::{check_budget, check_homing_loads, check_observer, check_watchdogs};
 use exchange::{Exchange, Sockets, Topics};
 use hand_over::HandOver;
 use order::StepOrder;
@@ -30,11 +30,11 @@ pub(super) const BATCH: usize = 128;
 
 /// A component that commands drives on CAN buses.
 pub struct CanAdapter {
-    command: Input<JointCommand>,
+    /// `None` where it only listens.
+    drive: Option<(Input<JointCommand>, CommandGate)>,
     joint_state: Output<JointState>,
     health: Output<JointHealth>,
     exchange: Exchange,
-    gate: CommandGate,
     adapter: Adapter,
     names: Vec<String>,
     buses: Vec<BusAccount>,
@@ -48,6 +48,9 @@ pub struct CanAdapter {
     safe: u64,
     /// Joints are being homed, or not known again yet: the gate begins anew when all are.
     awaits_homing: bool,
+    leaves_enabled: bool,
+    /// Each drive has answered that it is off at the end; `None` if none was let go.
+    is_released: Option<bool>,
 }
 
 /// The efforts that hold the robot against gravity.
@@ -76,8 +79,14 @@ impl Component for CanAdapter {
     type Config = CanAdapterConfig;
 
     fn declare(config: &CanAdapterConfig, declare: &mut Declare) -> Result<(), ConfigError> {
-        declare.actuator();
+        if !config.observe {
+            declare.actuator();
+        }
         let equipped = load(declare.robot(), declare.folder(), &config.source())?;
+        check_observer(config, &equipped)?;
+        if config.enable_margin.is_some_and(|margin| !margin.is_finite() || margin < 0.0) {
+            return Err(ConfigError::key("enable_margin", "expected a number of at least 0 (rad or m)"));
+        }
         check_watchdogs(config, &equipped, declare)?;
         if let Some(message) = limits::too_small(&equipped) {
             let advice = "enlarge the range in the drive and in the table, or correct `ratio` and `offset`";
@@ -102,7 +111,9 @@ impl Component for CanAdapter {
                 check_budget(&bus.name, &budget, &order, declare)?;
             }
         }
-        declare.input::<JointCommand>("joint_command", "commands of the joints");
+        if !config.observe {
+            declare.input::<JointCommand>("joint_command", "commands of the joints");
+        }
         declare.output::<JointState>("joint_state", "newest state of every joint");
         declare.waits(order.waits());
         if !is_real {
@@ -124,19 +135,28 @@ impl Component for CanAdapter {
         let limits = limits::of_joints(&equipped).map_err(ConfigureError::Config)?;
         let damping: Vec<f64> = limits.iter().map(|joint| joint.kd).collect();
         let stiffness: Vec<f64> = limits.iter().map(|joint| joint.kp).collect();
+        let enabling = limits::of_enabling(&equipped, config.enable_margin);
         let Equipped { robot, table, order } = equipped;
         let on_trip = match config.when_tripped {
             WhenTripped::Damp => OnTrip::Damp,
             WhenTripped::Disable => OnTrip::Disable,
         };
         let joints = order.len();
-        let gate = setup.command_gate(limits)?;
+        let drive = match config.observe {
+            true => None,
+            false => Some((setup.input("joint_command")?, setup.command_gate(limits)?)),
+        };
         let mut buses = Vec::new();
         for (index, bus) in table.buses.iter().enumerate() {
             let health = setup.named_output(&format!("{}_health", bus.name))?;
             buses.push(BusAccount::new(index, &bus.name, table.rates(index), health));
         }
-        let mut adapter = Adapter::new(&table, &order, &damping, on_trip).with_stiffness(&stiffness);
+        let mut adapter = Adapter::new(&table, &order, &damping, on_trip)
+            .with_stiffness(&stiffness)
+            .with_limits(&enabling);
+        if config.observe {
+            adapter = adapter.observer();
+        }
         adapter.set_cycle(setup.period().as_nanos() as u64);
         let clock = setup.clock();
         let is_real = interfaces::are_real(&table, clock.kind()).map_err(ConfigureError::Config)?;
@@ -153,7 +173,6 @@ impl Component for CanAdapter {
             Exchange::Topics(Box::new(topics))
         };
         Ok(Self {
-            command: setup.input("joint_command")?,
             joint_state: setup.output("joint_state")?,
             health: setup.output("joint_health")?,
             exchange,
@@ -170,10 +189,12 @@ impl Component for CanAdapter {
             frames: Vec::with_capacity(BATCH),
             hand_over: HandOver::default(),
             order,
-            resumes: gate.resumes(),
-            gate,
+            resumes: drive.as_ref().map_or(0, |(_, gate)| gate.resumes()),
+            drive,
             safe: 0,
             awaits_homing: false,
+            leaves_enabled: config.leave_enabled,
+            is_released: None,
         })
     }
 
@@ -182,13 +203,14 @@ impl Component for CanAdapter {
         // with answers within the step these are late ones, and else those to the last step's batch
         exchange.collect(adapter, buses);
         if !self.order.answers_within_step() {
-            if self.order.command_within.is_some() {
+            let waits = self.order.command_within;
+            if let (Some(_), Some((command, _))) = (waits, &mut self.drive) {
                 // one that came too late for the step before is no answer to the state of this one
-                let _ = self.command.latest();
+                let _ = command.latest();
             }
             let is_told = self.end_cycle(tick)?;
-            if let (true, Some(longest)) = (is_told, self.order.command_within) {
-                self.command.wait(longest);
+            if let (true, Some(longest), Some((command, _))) = (is_told, waits, &mut self.drive) {
+                command.wait(longest);
             }
         }
         self.apply_command(tick.settling);
@@ -200,6 +222,19 @@ impl Component for CanAdapter {
             self.end_cycle(tick)?;
         }
         self.publish_health(tick)
+    }
+
+    /// Lets the drives go, after their safe state has settled: one without a watchdog would stay on.
+    fn stop(&mut self) {
+        let Self { exchange, adapter, buses, frames, .. } = self;
+        let is_on = self.drive.is_some() && adapter.links().iter().any(|link| link.phase() != Phase::Disabled);
+        if self.leaves_enabled || !is_on {
+            return;
+        }
+        if let Exchange::Sockets(sockets) = exchange {
+            adapter.release();
+            self.is_released = Some(sockets.release(adapter, buses, frames));
+        }
     }
 
     fn result(&self) -> Option<serde_json::Value> {
@@ -248,7 +283,7 @@ impl CanAdapter {
             // its safe state was that of positions that were not those of the joints
             self.gate.relocate();
         }
-        let Self { gate, command, measured, weight, .. } = self;
+        let Self { drive: Some((command, gate)), measured, weight, .. } = self else { return };
         let [position, velocity] = measured;
         let mut gravity = |effort: &mut [f64]| weight.efforts(position, effort);
         if self.adapter.has_tripped() {
@@ -258,17 +293,17 @@ impl CanAdapter {
         self.safe += u64::from(!settling && matches!(verdict, Verdict::Safe { .. }));
         let is_applied = self.adapter.enabled_in().is_some() && verdict == Verdict::Applied;
         self.hand_over.take(command.current().filter(|_| is_applied).map(|reading| reading.stamp()));
-        let resumes = self.gate.resumes();
+        let resumes = gate.resumes();
         if resumes != self.resumes {
             self.resumes = resumes;
             if self.adapter.has_tripped() {
                 // From where the joints are now, not from where they were held before they were damped.
-                self.gate.reset();
+                gate.reset();
                 self.adapter.resume();
                 return;
             }
         }
-        apply(&mut self.adapter, &self.gate);
+        apply(&mut self.adapter, gate);
     }
 
     /// A step in which joints have yet to be homed, or some are held and others not known: no command is judged. Joints under way
@@ -279,7 +314,9 @@ impl CanAdapter {
             return;
         }
         self.awaits_homing = true;
-        let Self { gate, measured: [position, velocity], adapter, clock, .. } = self;
+        let Self { drive: Some((_, gate)), measured: [position, velocity], adapter, clock, .. } = self else {
+            return;
+        };
         for ((link, position), velocity) in adapter.links().iter().zip(&mut *position).zip(&mut *velocity) {
             (*position, *velocity, _) = link.state();
         }

@@ -16,6 +16,8 @@ impl CanAdapter {
                 "late_replies": counts.late,
                 "duplicate_replies": counts.duplicate,
                 "refused_frames": counts.refused,
+                "implausible_frames": counts.implausible,
+                "emergencies": counts.emergencies,
                 "clamped_commands": counts.clamped,
                 "homing": link.homing().map(homing),
                 "homing_fault": match link.homing() {
@@ -61,10 +63,17 @@ impl CanAdapter {
             "tripped": self.adapter.has_tripped(),
             "cycles_in_safe_state": self.safe,
             "command_to_frame_us": self.hand_over.result(),
+            "observes": self.drive.is_none(),
+            "let_go_at_the_end": self.is_released,
+            "refused_position": self.adapter.out_of_range().map(|(joint, wrong)| {
+                format!("the drive of `{}` is not enabled again: {wrong}", self.names[joint])
+            }),
             "missing_replies": sum(|counts| counts.missing),
             "late_replies": sum(|counts| counts.late),
             "duplicate_replies": sum(|counts| counts.duplicate),
             "refused_frames": sum(|counts| counts.refused),
+            "implausible_frames": sum(|counts| counts.implausible),
+            "emergencies": sum(|counts| counts.emergencies),
             "stray_frames": self.adapter.stray(),
             "bus_load": self.buses.iter().map(|bus| bus.counts.load).fold(0.0, f64::max),
             "buses": buses,
