@@ -114,10 +114,19 @@ pub struct SignalValue<'a> {
     pub name: &'a str,
     /// Its value, scaled.
     pub value: f64,
+    /// The same where it is a whole number, with all of its digits: 64 bits have more than `value` resolves.
+    pub whole: Option<i128>,
+    /// Significant digits of a value that is not whole.
+    digits: usize,
     /// Its unit; empty if the database has none.
     pub unit: &'a str,
     /// The name of the value, if the database has one.
     pub label: Option<&'a str>,
+}
+
+/// A number with so many significant digits at most.
+fn rounded(value: f64, digits: usize) -> f64 {
+    format!("{value:.0$e}", digits - 1).parse().unwrap_or(value)
 }
 
 impl core::fmt::Display for SignalValue<'_> {
@@ -125,8 +134,10 @@ impl core::fmt::Display for SignalValue<'_> {
         write!(f, "{}: ", self.name)?;
         match self.label {
             Some(label) => write!(f, "{label}"),
-            // no more digits than a number of 32 bits tells apart
-            None => write!(f, "{}", format!("{:.7e}", self.value).parse().unwrap_or(self.value)),
+            None => match self.whole {
+                Some(whole) => write!(f, "{whole}"),
+                None => write!(f, "{}", rounded(self.value, self.digits)),
+            },
         }?;
         if self.unit.is_empty() || self.label.is_some() { Ok(()) } else { write!(f, " {}", self.unit) }
     }
@@ -325,10 +336,20 @@ impl Signal {
             Form::Single => (f32::from_bits(raw as u32).into(), None),
             Form::Double => (f64::from_bits(raw), None),
         };
+        let exact = match self.form {
+            Form::Unsigned => Some(i128::from(raw)),
+            Form::Signed => Some(i128::from(signed)),
+            Form::Single | Form::Double => None,
+        };
+        let is_whole = |number: f64| number.fract() == 0.0 && number.abs() < 1e15;
+        let scaled = exact.filter(|_| is_whole(self.factor) && is_whole(self.offset));
         let label = self.labels.iter().find(|(value, _)| Some(*value) == whole);
         Some(SignalValue {
             name: &self.name,
             value: number * self.factor + self.offset,
+            whole: scaled.map(|number| number * self.factor as i128 + self.offset as i128),
+            // 32-bit floating-point numbers resolve eight digits, 64 bits fifteen
+            digits: if self.form == Form::Single { 8 } else { 15 },
             unit: &self.unit,
             label: label.map(|(_, label)| label.as_str()),
         })

@@ -1,5 +1,6 @@
 //! The traffic of buses as people read, write and keep it: lines in the format of `candump -L`.
 
+mod foreign;
 mod listener;
 
 use core::fmt;

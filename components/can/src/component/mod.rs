@@ -69,7 +69,7 @@ impl Source<'_> {
             }
             let mut table =
                 Table { buses: self.buses.to_vec(), drives: self.drives.to_vec(), joint_places: Vec::new() };
-            let read = |name: &str| std::fs::read_to_string(folder.join(name));
+            let read = |name: &str| read_sheet(&folder.join(name));
             table.complete(read).and_then(|()| table.check()).map_err(|error| refused(&error, None))?;
             return Ok(table);
         };
@@ -83,9 +83,15 @@ impl Source<'_> {
                 .advise("name a drive table, relative to the graph file")
         })?;
         let beside = path.parent().unwrap_or(folder);
-        let read = |name: &str| std::fs::read_to_string(beside.join(name));
+        let read = |name: &str| read_sheet(&beside.join(name));
         Table::parse_with(&text, read).map_err(|error| refused(&error, Some(file)))
     }
+}
+
+/// Reads the text of a data sheet: UTF-8, or else Latin-1, in which the tools of many makers write them.
+fn read_sheet(path: &Path) -> std::io::Result<String> {
+    let bytes = std::fs::read(path)?;
+    Ok(String::from_utf8(bytes).unwrap_or_else(|error| error.as_bytes().iter().map(|byte| char::from(*byte)).collect()))
 }
 
 /// The error of a table, of a file or of the configuration itself.

@@ -286,7 +286,7 @@ impl Protocol {
     }
 
     /// True for drives with a position loop of their own, whose gains the table says.
-    pub(super) fn has_loop(self) -> bool {
+    pub(crate) fn has_loop(self) -> bool {
         matches!(self, Self::Odrive | Self::Cia402 | Self::Moteus) || self.is_servo()
     }
 }

@@ -99,8 +99,9 @@ impl Log {
             if self.count.is_some_and(|most| count >= most) {
                 break;
             }
-            match line.parse::<Record>() {
-                Ok(record) => print(&record, interpreter),
+            match Record::of_log(&line) {
+                Ok(Some(record)) => print(&record, interpreter),
+                Ok(None) => continue,
                 Err(error) => {
                     let place = format!("{}, line {}", path.display(), index + 1);
                     errln!("{} {place}: {error}", crate::style::error("error:"));

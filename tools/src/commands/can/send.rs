@@ -95,10 +95,11 @@ impl Send {
             text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
         }
         let line = |(index, line): (usize, String)| {
-            line.parse().map_err(|error| (format!("{}:{}: ", path.display(), index + 1), error))
+            let read = Record::of_log(&line);
+            read.map_err(|error| (format!("{}:{}: ", path.display(), index + 1), error)).transpose()
         };
         let lines = text.as_bytes().lines().map_while(Result::ok).enumerate();
-        Ok(lines.filter(|(_, line)| !line.trim().is_empty()).map(line).collect())
+        Ok(lines.filter_map(line).collect())
     }
 }
 

@@ -7,6 +7,7 @@ mod endpoints;
 mod fault_injector;
 mod simulated;
 mod sockets;
+mod stiffness;
 
 use std::path::Path;
 use std::time::Duration;
@@ -99,6 +100,13 @@ impl Component for DriveSimulation {
             let message = format!("an inner loop of {:.0} Hz", 1.0 / period.as_secs_f64());
             let warning = declare.warn(message);
             warning.advise("simulate physics at 2 kHz or more, better at 4 kHz: drives hold stiff gains only in a fast loop");
+        }
+        if let Some(period) = declare.period()
+            && let Some(message) = stiffness::too_stiff(&equipped, period.as_secs_f64())
+        {
+            declare.warn(message).at("drives").advise(
+                "write softer gains in `position_loop` of the drive table, or simulate physics at a higher rate",
+            );
         }
         declare.input::<JointState>("joint_state", "true state of the joints");
         if equipped.table.has_adapters_on_terminals() {

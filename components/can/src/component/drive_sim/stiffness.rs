@@ -1,0 +1,40 @@
+//! Loops of simulated drives that are too stiff for the time between two of their steps.
+
+use motorium_robots::Dynamics;
+use nalgebra::DMatrix;
+
+use crate::component::Equipped;
+use crate::table::ControlMode;
+
+/// `kd dt / I` from which a velocity loop in discrete time makes every error larger: it rattles from one end of its torque to the other.
+const UNSTABLE: f64 = 2.0;
+
+/// The first drive whose own loop is unstable over this time \[s\]: `kd dt / I` with the gain of its loop at the joint and the inertia
+/// that an effort of the joint meets at home.
+pub(super) fn too_stiff(equipped: &Equipped, dt: f64) -> Option<String> {
+    let Equipped { robot, table, order } = equipped;
+    let (model, joints) = (&robot.model, robot.model.joint_count());
+    let mut mass = DMatrix::zeros(model.nv(), model.nv());
+    let home = robot.profile.as_ref().and_then(|profile| profile.home(model).ok());
+    let q = home.map_or_else(|| model.neutral(), |home| home.as_slice().to_vec());
+    Dynamics::new(model).crba(model, &q, &mut mass);
+    // of what moves when an effort acts on this joint alone
+    let inverse = mass.try_inverse()?;
+    (0..joints).find_map(|i| {
+        let entry = &table.drives[order[i]];
+        if !entry.protocol.has_loop() || entry.mode == Some(ControlMode::Torque) {
+            return None;
+        }
+        let (ratio, column) = (entry.ratio, model.nv() - joints + i);
+        let inertia = 1.0 / inverse[(column, column)];
+        let kd = table.position_loop(order[i]).kd * ratio * ratio;
+        let share = kd * dt / inertia;
+        (share.is_finite() && share > UNSTABLE).then(|| {
+            format!(
+                "the loop of the drive of `{}` rattles: kd dt / I = {kd:.3} N m s/rad x {:.3} ms / {inertia:.3} kg m2 = {share:.1}, expected at most {UNSTABLE}",
+                entry.joint,
+                dt * 1e3
+            )
+        })
+    })
+}

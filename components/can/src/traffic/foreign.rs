@@ -1,0 +1,116 @@
+//! Logs in other formats than that of `candump -L`: what `candump` prints on a screen, and ASC files of Vector's tools.
+
+use super::{Record, RecordError};
+
+/// A line of a log as `candump -L` would have it; `None` for a line that says nothing about traffic, such as a header.
+pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
+    let refuse = |message: &str| Err(RecordError { found: line.to_string(), message: message.to_string() });
+    let fields: Vec<&str> = line.split_whitespace().collect();
+    match fields[..] {
+        [] => Ok(None),
+        ["base", "hex", ..] => Ok(None),
+        ["base", ..] => refuse("numbers of this ASC file are decimal: export it with `base hex`"),
+        ["date" | "internal" | "no" | "Begin" | "End" | "begin" | "end", ..] => Ok(None),
+        [comment, ..] if comment.starts_with("//") => Ok(None),
+        [time, ..] if time.starts_with('(') => {
+            let Some((time, rest)) = time.strip_prefix('(').zip(line.split_once(')')).and_then(|(time, (_, rest))| {
+                Some((micros(time.strip_suffix(')')?)?, rest.trim()))
+            }) else {
+                return Ok(Some(line.to_string()));
+            };
+            Ok(Some(screen(&time, rest).unwrap_or_else(|| format!("({time}) {rest}"))))
+        }
+        [time, ..] if micros(time).is_some() => asc(&fields).map_or_else(
+            || refuse("expected time, channel, identifier, direction, `d`, length and bytes of an ASC file"),
+            Ok,
+        ),
+        _ => Ok(Some(screen("0.000000", line).unwrap_or_else(|| line.to_string()))),
+    }
+}
+
+/// A time in seconds with six decimals.
+fn micros(time: &str) -> Option<String> {
+    let (seconds, fraction) = time.split_once('.')?;
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit());
+    (is_number(seconds) && is_number(fraction)).then(|| format!("{seconds}.{:0<6.6}", fraction))
+}
+
+/// A line as it is on a screen, without its time: `can0  123   [3]  11 22 33`. The length of a CAN FD frame has two digits there.
+fn screen(time: &str, line: &str) -> Option<String> {
+    let mut fields = line.split_whitespace().filter(|field| !matches!(*field, "RX" | "TX" | "-" | "B" | "E"));
+    let (interface, id) = (fields.next()?, fields.next()?);
+    let length = fields.next()?.strip_prefix('[')?.strip_suffix(']')?;
+    let count: usize = length.parse().ok()?;
+    let is_byte = |text: &str| text.len() == 2 && text.bytes().all(|digit| digit.is_ascii_hexdigit());
+    let rest: Vec<&str> = fields.collect();
+    if rest.first() == Some(&"remote") {
+        return Some(format!("({time}) {interface} {id}#R"));
+    }
+    // the text behind the bytes is `candump -a`, or the name of an error
+    let bytes = rest.get(..count).filter(|bytes| bytes.iter().all(|byte| is_byte(byte)))?;
+    let separator = if length.len() == 2 { "##0" } else { "#" };
+    Some(format!("({time}) {interface} {id}{separator}{}", bytes.concat()))
+}
+
+/// A line of an ASC file, in whose place that of an interface `canN` for channel N comes; `None` for one that does not parse, and
+/// `Some(None)` for an event that is no frame.
+fn asc(fields: &[&str]) -> Option<Option<String>> {
+    let time = micros(fields.first()?)?;
+    let id_of = |text: &str| match text.strip_suffix(['x', 'X']) {
+        Some(extended) => u32::from_str_radix(extended, 16).ok().map(|id| format!("{id:08X}")),
+        None => u32::from_str_radix(text, 16).ok().map(|id| format!("{id:03X}")),
+    };
+    let data = |length: &str, bytes: &[&str]| -> Option<String> {
+        let bytes = bytes.get(..length.parse::<usize>().ok()?)?;
+        bytes.iter().all(|byte| byte.len() == 2).then(|| bytes.concat())
+    };
+    if fields.get(1) == Some(&"CANFD") {
+        let (channel, id) = (fields.get(2)?, id_of(fields.get(4)?)?);
+        // a symbolic name may stand between identifier and flags
+        let flags = if matches!(fields.get(5), Some(&("0" | "1"))) { 5 } else { 6 };
+        let separator = if fields.get(flags) == Some(&"1") { "##1" } else { "##0" };
+        let bytes = data(fields.get(flags + 3)?, fields.get(flags + 4..)?)?;
+        return Some(Some(format!("({time}) can{channel} {id}{separator}{bytes}")));
+    }
+    let Ok(channel) = fields.get(1)?.parse::<u32>() else { return Some(None) };
+    let second = fields.get(2)?;
+    if *second == "ErrorFrame" {
+        return Some(Some(format!("({time}) can{channel} 20000000#0000000000000000")));
+    }
+    if matches!(*second, "Statistic:" | "CAN" | "Status:") {
+        return Some(None);
+    }
+    let id = id_of(second)?;
+    match (*fields.get(4)?).to_ascii_lowercase().as_str() {
+        "r" => Some(Some(format!("({time}) can{channel} {id}#R"))),
+        "d" => {
+            let bytes = data(fields.get(5)?, fields.get(6..)?)?;
+            Some(Some(format!("({time}) can{channel} {id}#{bytes}")))
+        }
+        _ => None,
+    }
+}
+
+impl Record {
+    /// Reads a line of a log: of `candump -L`, of `candump` on a screen, or of an ASC file, whose channel N becomes the interface
+    /// `canN`; `None` for an empty line and for a header.
+    ///
+    /// ```
+    /// use motorium_can::Record;
+    ///
+    /// let screen = Record::of_log("  can0  123   [3]  11 22 33")?.map(|record| record.to_string());
+    /// assert_eq!(screen.as_deref(), Some("(0.000000) can0 123#112233"));
+    /// let asc = Record::of_log("   0.5 1  123x  Rx   d 3 11 22 33")?.map(|record| record.to_string());
+    /// assert_eq!(asc.as_deref(), Some("(0.500000) can1 00000123#112233"));
+    /// assert!(Record::of_log("base hex  timestamps absolute")?.is_none());
+    /// # Ok::<(), motorium_can::RecordError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// The line is no record.
+    pub fn of_log(line: &str) -> Result<Option<Self>, RecordError> {
+        let Some(translated) = translate(line)? else { return Ok(None) };
+        let refuse = |error: RecordError| RecordError { found: line.to_string(), ..error };
+        translated.parse().map(Some).map_err(refuse)
+    }
+}
