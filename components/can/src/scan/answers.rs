@@ -20,6 +20,8 @@ pub(super) fn damiao(frame: &Frame) -> Option<Device> {
         (Register::PositionMax, Value::Number(max)) => ranges[0] = Some(max),
         (Register::VelocityMax, Value::Number(max)) => ranges[1] = Some(max),
         (_, Value::Number(max)) => ranges[2] = Some(max),
+        // a drive in another mode is still on the bus, and refused when it is enabled
+        (_, Value::Mode(_)) => {}
     }
     Some(Device { node: *node, kind: DeviceKind::Damiao { master, watchdog_ns, ranges } })
 }

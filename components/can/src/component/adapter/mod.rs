@@ -281,7 +281,9 @@ impl CanAdapter {
         }
         if core::mem::take(&mut self.awaits_homing) {
             // its safe state was that of positions that were not those of the joints
-            self.gate.relocate();
+            if let Some((_, gate)) = &mut self.drive {
+                gate.relocate();
+            }
         }
         let Self { drive: Some((command, gate)), measured, weight, .. } = self else { return };
         let [position, velocity] = measured;
