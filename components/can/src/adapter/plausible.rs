@@ -1,6 +1,6 @@
 //! Readings that are not believed: positions and velocities that a joint cannot have, and positions at which no drive is enabled.
 
-use super::{Link, WrongSetting};
+use super::{Link, Phase, WrongSetting};
 use crate::frame::DecodeError;
 use crate::mit;
 
@@ -20,10 +20,17 @@ impl Link {
         within_ns.zip(self.state_ns).is_some_and(|(within_ns, state_ns)| state_ns + within_ns < self.sent_ns)
     }
 
-    /// Refuses an answer with a position that no drive has, or that is farther from the last one than it can have moved.
-    pub(super) fn refuse_implausible(&mut self, feedback: &mit::Feedback, time_ns: u64) -> Result<(), DecodeError> {
+    /// Refuses an answer with a position that no drive has, or, while it follows
+    /// commands, that is farther from the last one than it can have moved.
+    pub(super) fn refuse_implausible(
+        &mut self,
+        feedback: &mit::Feedback,
+        time_ns: u64,
+    ) -> Result<(), DecodeError> {
         let fastest = self.ranges.velocity.max;
-        let moved = self.received_ns.map(|received_ns| {
+        // one that is off may be moved by hand, and one that is homed begins to count elsewhere
+        let follows = matches!(self.phase, Phase::Enabling | Phase::Enabled);
+        let moved = self.received_ns.filter(|_| follows).map(|received_ns| {
             // the reading may be as old as the time between two of them
             let between_ns = time_ns.saturating_sub(received_ns);
             let age_ns = self.dialogue.reports_every_ns().unwrap_or(between_ns.max(self.soonest_ns));

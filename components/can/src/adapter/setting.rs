@@ -133,7 +133,8 @@ pub enum WrongSetting {
 
 /// The correction of a position outside of the joint's range.
 fn correction(turns: Option<i32>) -> String {
-    let always = "move the joint into its range, give the drive a `homing`, or correct `offset` in the drive table";
+    let always =
+        "move the joint into its range, give the drive a `homing`, or correct `offset` in the drive table";
     match turns {
         Some(turns) => format!("{always}; if it is whole turns away, write `turns = {turns}` there"),
         None => always.to_string(),

@@ -91,7 +91,8 @@ impl Source<'_> {
 /// Reads the text of a data sheet: UTF-8, or else Latin-1, in which the tools of many makers write them.
 fn read_sheet(path: &Path) -> std::io::Result<String> {
     let bytes = std::fs::read(path)?;
-    Ok(String::from_utf8(bytes).unwrap_or_else(|error| error.as_bytes().iter().map(|byte| char::from(*byte)).collect()))
+    Ok(String::from_utf8(bytes)
+        .unwrap_or_else(|error| error.as_bytes().iter().map(|byte| char::from(*byte)).collect()))
 }
 
 /// The error of a table, of a file or of the configuration itself.

@@ -13,9 +13,11 @@ pub(super) fn translate(line: &str) -> Result<Option<String>, RecordError> {
         ["date" | "internal" | "no" | "Begin" | "End" | "begin" | "end", ..] => Ok(None),
         [comment, ..] if comment.starts_with("//") => Ok(None),
         [time, ..] if time.starts_with('(') => {
-            let Some((time, rest)) = time.strip_prefix('(').zip(line.split_once(')')).and_then(|(time, (_, rest))| {
-                Some((micros(time.strip_suffix(')')?)?, rest.trim()))
-            }) else {
+            let Some((time, rest)) = time
+                .strip_prefix('(')
+                .zip(line.split_once(')'))
+                .and_then(|(time, (_, rest))| Some((micros(time.strip_suffix(')')?)?, rest.trim())))
+            else {
                 return Ok(Some(line.to_string()));
             };
             Ok(Some(screen(&time, rest).unwrap_or_else(|| format!("({time}) {rest}"))))

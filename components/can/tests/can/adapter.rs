@@ -94,7 +94,7 @@ fn drives_are_checked_then_asked_for_their_state_then_enabled_together() {
     let mut rig = Rig::new(well);
     rig.run(3);
     assert_eq!(rig.phases(), [Phase::Checking(3); 2], "one setting a cycle");
-    rig.run(1);
+    rig.run(2);
     assert_eq!(rig.phases(), [Phase::Disabled; 2]);
     rig.run(2);
     assert_eq!(rig.phases(), [Phase::Enabled; 2]);

@@ -83,13 +83,18 @@ impl Rig {
         let table = Table::parse(&format!("{bus}{}{}", drive("a", 1), drive("b", 2))).unwrap();
         let mut adapter = Adapter::new(&table, &[0, 1], &[0.3, 0.3], OnTrip::Damp);
         adapter.set_cycle(case.cycle_ns);
+        let mut drives = [
+            AnySimulatedDrive::new(&table, 0, overrides),
+            AnySimulatedDrive::new(&table, 1, Overrides::default()),
+        ];
+        // they answer with the positions of their last step
+        drives.iter_mut().for_each(|drive| {
+            drive.step(SHAFT, 0.0, 0);
+        });
         Self {
             adapter,
             bus: SimulatedBus::new(table.rates(0), 3, 64),
-            drives: [
-                AnySimulatedDrive::new(&table, 0, overrides),
-                AnySimulatedDrive::new(&table, 1, Overrides::default()),
-            ],
+            drives,
             cycle: 0,
             cycle_ns: case.cycle_ns,
             is_silent: false,

@@ -27,6 +27,7 @@ mod offered;
 mod protocols;
 mod random;
 mod real_time;
+mod safety;
 mod servo;
 mod servo_line;
 mod slcan;

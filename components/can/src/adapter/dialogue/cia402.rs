@@ -282,9 +282,7 @@ impl Cia402 {
             });
         }
         match checking {
-            Some(setting) if frame.id == self.node.id(0x580) => {
-                self.check_setting(setting, frame)
-            }
+            Some(setting) if frame.id == self.node.id(0x580) => self.check_setting(setting, frame),
             // process data of before
             Some(_) => Ok(Response::Other),
             None if frame.id == self.node.id(0x580) => {

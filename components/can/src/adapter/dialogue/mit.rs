@@ -74,9 +74,7 @@ impl Mit {
     pub(super) fn read(&mut self, checking: Option<u8>, frame: &Frame) -> Result<Response, DecodeError> {
         match checking {
             Some(register) => self.check(register, frame).map(Response::Setting),
-            None => {
-                self.codec.reply(frame).map(Response::Feedback)
-            }
+            None => self.codec.reply(frame).map(Response::Feedback),
         }
     }
 

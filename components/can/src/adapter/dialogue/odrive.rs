@@ -243,16 +243,14 @@ impl Odrive {
                 };
                 Response::State(self.state)
             }
-            Report::Encoder { position, velocity } => {
-                Response::Feedback(Feedback {
-                    position,
-                    velocity,
-                    torque: self.torque,
-                    temperature: self.temperature,
-                    voltage: None,
-                    state: self.state,
-                })
-            }
+            Report::Encoder { position, velocity } => Response::Feedback(Feedback {
+                position,
+                velocity,
+                torque: self.torque,
+                temperature: self.temperature,
+                voltage: None,
+                state: self.state,
+            }),
             Report::Torques { estimate, .. } => {
                 (self.torque, self.reports_torque) = (estimate, true);
                 Response::Other

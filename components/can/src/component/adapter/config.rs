@@ -164,8 +164,9 @@ pub(super) fn check_observer(config: &CanAdapterConfig, equipped: &Equipped) -> 
             .advise("leave it out"));
     }
     if config.leave_enabled {
-        return Err(ConfigError::key("leave_enabled", "with `observe` no drive is enabled")
-            .advise("leave it out"));
+        return Err(
+            ConfigError::key("leave_enabled", "with `observe` no drive is enabled").advise("leave it out")
+        );
     }
     Ok(())
 }

@@ -151,9 +151,8 @@ impl Component for CanAdapter {
             let health = setup.named_output(&format!("{}_health", bus.name))?;
             buses.push(BusAccount::new(index, &bus.name, table.rates(index), health));
         }
-        let mut adapter = Adapter::new(&table, &order, &damping, on_trip)
-            .with_stiffness(&stiffness)
-            .with_limits(&enabling);
+        let mut adapter =
+            Adapter::new(&table, &order, &damping, on_trip).with_stiffness(&stiffness).with_limits(&enabling);
         if config.observe {
             adapter = adapter.observer();
         }
@@ -227,7 +226,8 @@ impl Component for CanAdapter {
     /// Lets the drives go, after their safe state has settled: one without a watchdog would stay on.
     fn stop(&mut self) {
         let Self { exchange, adapter, buses, frames, .. } = self;
-        let is_on = self.drive.is_some() && adapter.links().iter().any(|link| link.phase() != Phase::Disabled);
+        let is_on =
+            self.drive.is_some() && adapter.links().iter().any(|link| link.phase() != Phase::Disabled);
         if self.leaves_enabled || !is_on {
             return;
         }
