@@ -3,7 +3,7 @@
 use core::f64::consts::TAU;
 
 use motorium_can::odrive::{AxisState, ControlMode, InputMode, Instruction, Node, Report};
-use motorium_can::{Database, DatabaseError, Form, Frame, Id};
+use motorium_can::{Database, DatabaseError, Form, Frame, Id, Record};
 use proptest::prelude::*;
 
 const ODRIVE: &str = include_str!("databases/odrive.dbc");
@@ -76,6 +76,43 @@ proptest! {
         prop_assert!((found[1].1 - b / TAU).abs() <= 0.5001e-3 && (found[2].1 - c).abs() <= 0.5001e-3);
         let torque = node.frame(&Instruction::Torque(c));
         prop_assert_eq!(values(&torque), vec![("Input_Torque".to_string(), single(c))]);
+    }
+}
+
+#[test]
+fn whole_numbers_keep_all_digits() {
+    let text = "VERSION \"\"\n\nNS_ :\n\nBS_:\n\nBU_: ECU\n\nBO_ 1 Big: 8 ECU\n SG_ Count : 0|64@1+ (1,0) [0|0] \"\" Vector__XXX\n\n\
+                BO_ 2 Small: 8 ECU\n SG_ Tenths : 0|32@1+ (0.1,0) [0|0] \"V\" Vector__XXX\n SG_ Below : 32|32@1- (2,-1) [0|0] \"\" Vector__XXX\n";
+    let database = Database::parse(text).unwrap();
+    for count in [305_419_896_u64, u64::MAX, 1 << 53 | 1, 0] {
+        let frame = Frame::new(Id::Standard(1), Form::Classic, &count.to_le_bytes()).unwrap();
+        assert_eq!(database.decode(&frame).unwrap().to_string(), format!("Big(Count: {count})"));
+    }
+    let mut data = 305_419_896_u32.to_le_bytes().to_vec();
+    data.extend((-2_000_000_001_i32).to_le_bytes());
+    let frame = Frame::new(Id::Standard(2), Form::Classic, &data).unwrap();
+    let found = database.decode(&frame).unwrap().to_string();
+    assert_eq!(found, "Small(Tenths: 30541989.6 V, Below: -4000000003)");
+}
+
+#[test]
+fn logs_of_screens_and_asc_files_are_read() {
+    let read = |line: &str| Record::of_log(line).unwrap().map(|record| record.to_string());
+    for (line, expected) in [
+        ("  can0  123   [3]  11 22 33", "(0.000000) can0 123#112233"),
+        (" (1735270496.916858)  can0  00000123   [1]  FF", "(1735270496.916858) can0 00000123#FF"),
+        ("(12.5) can0 123#0102", "(12.500000) can0 123#0102"),
+        ("   0.012345 2  7FF             Rx   d 2 01 02  Length = 0", "(0.012345) can2 7FF#0102"),
+    ] {
+        assert_eq!(read(line).as_deref(), Some(expected), "{line}");
+    }
+    for line in
+        ["", "date Fri Nov 1 2024", "base hex  timestamps absolute", "// version 13.0.0", "End TriggerBlock"]
+    {
+        assert_eq!(read(line), None, "{line}");
+    }
+    for line in ["base dec  timestamps absolute", "0.5 1 123 Rx d 3 11 22", "can0 123 [3] 11 22", "words"] {
+        assert!(Record::of_log(line).is_err(), "{line}");
     }
 }
 
