@@ -18,6 +18,10 @@ const NO_OBJECT: u32 = 0x0602_0000;
 const READ_ONLY: u32 = 0x0601_0002;
 /// Code that refuses what its state does not allow.
 const NOT_NOW: u32 = 0x0800_0022;
+/// The value is out of the range of the object.
+const NO_SUCH_VALUE: u32 = 0x0609_0030;
+/// Modes that can be written: none, homing, and the cyclic ones of positions, velocities and torques.
+const MODES: [u32; 5] = [0, HOMING_MODE as u32, 8, 9, 10];
 /// Error codes of emergency messages.
 const NO_HEARTBEAT: u16 = 0x8130;
 const TOO_HOT: u16 = 0x4310;
@@ -135,10 +139,6 @@ impl Cia402 {
         self.motor.limit(f64::INFINITY);
     }
 
-    fn mode(&self) -> Mode {
-        self.cyclic
-    }
-
     fn number(&self, object: Object) -> u32 {
         self.get(object).map_or(0, Value::number)
     }
@@ -153,8 +153,7 @@ impl Cia402 {
 
     /// True if process data are mapped as frames have them here, and switched on.
     fn is_mapped(&self, mapping: Mapping) -> bool {
-        let mode = self.mode();
-        let mut last = (2..Mapping::STEPS).map(|step| mapping.step(self.node, mode, step));
+        let mut last = (2..Mapping::STEPS).map(|step| mapping.step(self.node, self.cyclic, step));
         last.all(|service| match service {
             Service::Write(object, value) => {
                 self.get(object).is_some_and(|found| found.number() == value.number())
@@ -182,7 +181,7 @@ impl Cia402 {
             if self.network != NetworkState::Stopped {
                 answer(self.serve(&service));
             }
-        } else if let Ok(setpoint) = self.node.setpoint_of(self.mode(), frame)
+        } else if let Ok(setpoint) = self.node.setpoint_of(self.cyclic, frame)
             && is_operational
             && self.is_mapped(Mapping::Setpoint)
         {
@@ -194,8 +193,9 @@ impl Cia402 {
         let result = match *service {
             Service::Read(Object::RATED_TORQUE) => Ok(Value::long((self.rated_torque * 1e3 + 0.5) as u32)),
             Service::Read(Object::RATED_CURRENT) => Ok(Value::long((self.rated_current * 1e3 + 0.5) as u32)),
-            Service::Read(Object::MODE_DISPLAY) => self.get(Object::MODE).ok_or(NO_OBJECT),
-            Service::Read(object) => self.get(object).ok_or(NO_OBJECT),
+            Service::Read(Object::MODE_DISPLAY) => Ok(Value::byte(self.number(Object::MODE) as u8)),
+            Service::Read(object) => self.identity(object).or_else(|| self.get(object)).ok_or(NO_OBJECT),
+            Service::Write(Object::MODE, value) if !MODES.contains(&value.number()) => Err(NO_SUCH_VALUE),
             Service::Write(Object::RATED_TORQUE | Object::RATED_CURRENT | Object::STATUSWORD, _) => {
                 Err(READ_ONLY)
             }
@@ -208,10 +208,23 @@ impl Cia402 {
         self.node.service_answer(service, result)
     }
 
+    /// The objects that every device of CANopen and every drive of CiA 402 has, beside those that are written.
+    fn identity(&self, object: Object) -> Option<Value> {
+        Some(match (object.index, object.subindex) {
+            (0x1000, 0) => Value::long(0x0002_0192),
+            (0x1001, 0) => Value::byte(u8::from(self.state == DriveState::Fault)),
+            (0x1018, 0) => Value::byte(4),
+            (0x1018, 1..=4) => Value::long(0),
+            (0x6040, 0) => Value::word(self.setpoint.controlword),
+            (0x6041, 0) => Value::word(statusword(self.state) | self.homing.statusword()),
+            _ => return None,
+        })
+    }
+
     /// True for an object of a mapping that cannot be written.
     fn is_fixed(&self, object: Object) -> bool {
         let names = |mapping: &Mapping| {
-            let mut steps = (0..Mapping::STEPS).map(|step| mapping.step(self.node, self.mode(), step));
+            let mut steps = (0..Mapping::STEPS).map(|step| mapping.step(self.node, self.cyclic, step));
             steps.any(|service| matches!(service, Service::Write(named, _) if named.index == object.index))
         };
         object.is_mapping() && self.fixed.iter().any(names)
@@ -321,7 +334,7 @@ impl Cia402 {
             }
             return self.motor.give(self.is_enabled().then_some(kd * (goes - velocity)));
         }
-        let wanted = match self.mode() {
+        let wanted = match self.cyclic {
             Mode::Position => kp * (target / self.increments * TAU - position) - kd * velocity,
             Mode::Velocity => kd * (target / self.increments * TAU - velocity),
             Mode::Torque => target * 1e-3 * self.rated_torque,

@@ -286,6 +286,33 @@ fn an_emergency_message_is_counted_and_trips() {
 }
 
 #[test]
+fn a_simulated_cia402_drive_has_the_objects_of_all() {
+    let node = cia402::Node::new(5).unwrap();
+    let mut drive = AnySimulatedDrive::new(&table("cia402", FAMILIES[3].1), 0, Overrides::default());
+    let mut ask = |service: cia402::Service| {
+        let mut result = None;
+        drive.receive(&node.service(&service), 0, &mut |answer| {
+            result = Some(node.service_result(&service, &answer));
+        });
+        result.expect("an answer")
+    };
+    let object = |index, subindex| cia402::Object { index, subindex };
+    for (index, subindex, value) in [
+        (0x1000, 0, 0x2_0192),
+        (0x1001, 0, 0),
+        (0x1018, 0, 4),
+        (0x1018, 1, 0),
+        (0x6040, 0, 0),
+        (0x6041, 0, 0x250),
+    ] {
+        let found = ask(cia402::Service::Read(object(index, subindex)));
+        assert_eq!(found.map(|found| found.map(cia402::Value::number)), Ok(Some(value)), "0x{index:X}");
+    }
+    let refused = ask(cia402::Service::Write(cia402::Object::MODE, cia402::Value::byte(99)));
+    assert_eq!(refused, Err(motorium_can::DecodeError::Refused { code: 0x0609_0030 }));
+}
+
+#[test]
 fn drives_of_every_family_are_let_go_at_the_end() {
     for (protocol, more) in FAMILIES {
         let mut rig = Rig::enabled(protocol, more);
