@@ -281,10 +281,9 @@ fn actuators_of_a_class_share_one_default() {
              <actuator>{actuator}</actuator></mujoco>"
         );
         let robot = parse_mjcf(&text, None, &LoadOptions::default()).unwrap();
-        let found = robot.profile.and_then(|profile| profile.gains).map(|gains| {
-            let first = |values: motorium_robots::PerJoint| values.resolve(1).unwrap()[0];
-            (first(gains.kp), first(gains.kd))
-        });
+        let profile = robot.profile.as_ref();
+        let found = profile.and_then(|profile| profile.gains(&robot.model).ok());
+        let found = found.map(|gains| (gains.kp[0], gains.kd[0]));
         assert_eq!(found, gains, "{class} {actuator}");
     }
 }

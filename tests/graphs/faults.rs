@@ -186,7 +186,7 @@ fn a_component_that_may_fail_is_left_behind_and_the_graph_goes_on() {
     let _machine = machine();
     let (_folder, graph) = faulty("{ fault = \"panic\", at = 200 }", "on_failure = \"ignore\"");
     let ended = run(&graph, &["--for", "2 s"]);
-    assert_eq!((ended.code, &ended.report().exit), (Some(0), &Exit::Finished), "{}", ended.stderr);
+    assert_eq!((ended.code, &ended.report().exit), (Some(7), &Exit::Finished), "{}", ended.stderr);
     assert!(ended.stderr.contains("the graph goes on without it"), "{}", ended.stderr);
 }
 
