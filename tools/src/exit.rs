@@ -37,7 +37,7 @@ codes! {
     /// Something has become plainly slower than it was.
     Slower = 6, "`motorium bench latency --ratchet`, `motorium bench compare`: something is plainly slower than it was";
     /// The run ended in good order, but not as the graph asks.
-    Incomplete = 7, "the run ended in good order, but not as the graph asks: `warnings` of the report name each shortfall ([below](#shortfalls))";
+    Incomplete = 7, "the run ended in good order, but not as the graph asks: `warnings` of the report name each shortfall ([below](#shortfalls)); `motorium recover`: messages are damaged or missing";
     /// The run ended in good order, but a figure of its report is not as expected.
     Unmet = 8, "the run ended in good order, but a figure of its report is not as [expected](graph-file.md#expect)";
 }
@@ -76,6 +76,11 @@ pub(crate) fn safe_stop() -> ExitCode {
 /// The machine is not fit for what was asked.
 pub(crate) fn unfit() -> ExitCode {
     Code::Unfit.into()
+}
+
+/// Messages of a recovered recording are damaged or missing.
+pub(crate) fn incomplete() -> ExitCode {
+    Code::Incomplete.into()
 }
 
 /// Something has become plainly slower than it was.

@@ -239,7 +239,7 @@ impl Launch {
 
     /// Notes for the report which actuators did not come to rest in their safe state, and which were late to follow their
     /// commands again.
-    pub(super) fn note_gates(&mut self) {
+    pub(super) fn note_rest(&mut self) {
         for (component, block) in self.plan.components.iter().zip(self.region.components()) {
             let name = &component.name;
             let [unsettled, late] = gate_faults(block);

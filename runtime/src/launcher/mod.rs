@@ -221,7 +221,7 @@ impl Launch {
         }
         self.tell_last_accounts(observe);
         if start != 0 {
-            self.note_gates();
+            self.note_rest();
         }
         let mut report = self.report(exit, simulated);
         report.cores = cores.unwrap_or_default();

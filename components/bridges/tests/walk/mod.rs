@@ -104,12 +104,12 @@ impl Component for Failing {
     }
 }
 
-pub fn registry() -> Registry {
+pub(crate) fn registry() -> Registry {
     let own = [Kind::of::<Failing>(), Kind::of::<Walk>(), Kind::of::<Sum>(), recording::replay_kind()];
     Registry::new(RobotSource { check: |_| Ok(Vec::new()) }, own.into_iter().chain(motorium_bridges::kinds()))
 }
 
-pub const GRAPH: &str = r#"
+pub(crate) const GRAPH: &str = r#"
 name     = "walk"
 clock    = "lockstep"
 duration = "1 s"
@@ -127,14 +127,14 @@ subscribe = { wrench = "wrench" }
 publish   = { joints = "sum" }
 "#;
 
-pub fn recorder(file: &Path) -> String {
+pub(crate) fn recorder(file: &Path) -> String {
     format!(
         "[component.recorder]\nkind = \"log.record\"\nrate = \"10 Hz\"\nschedule = \"normal\"\n\
          on_failure = \"ignore\"\nconfig = {{ output = {file:?} }}\n"
     )
 }
 
-pub fn run(text: &str, options: &Options) -> Report {
+pub(crate) fn run(text: &str, options: &Options) -> Report {
     let registry = registry();
     let checked = graph::check("walk.toml".as_ref(), text.to_string(), &[], &registry, &Machine::detect());
     let plan = checked.unwrap_or_else(|error| panic!("{}", error.render(false))).plan;

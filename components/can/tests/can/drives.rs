@@ -88,7 +88,7 @@ impl Rig {
             AnySimulatedDrive::new(&table, 1, Overrides::default()),
         ];
         // they answer with the positions of their last step
-        drives.each_mut().map(|drive| drive.step(SHAFT, 0.0, 0));
+        drives.iter_mut().for_each(|drive| _ = drive.step(SHAFT, 0.0, 0));
         Self {
             adapter,
             bus: SimulatedBus::new(table.rates(0), 3, 64),
