@@ -31,7 +31,7 @@ impl Rest {
         let stops = matches!(state, SafeState::Hold | SafeState::Brake);
         // A joint without a gain is not held: a rotor, or a pole that swings freely.
         let mut held = velocity.iter().zip(joints).filter(|(_, joint)| joint.kp > 0.0);
-        self.moves = stops && held.any(|(velocity, _)| !(velocity.abs() < REST_SPEED));
+        self.moves = stops && held.any(|(velocity, _)| velocity.is_nan() || velocity.abs() >= REST_SPEED);
     }
 
     /// True while a joint moves that the safe state should bring to rest.

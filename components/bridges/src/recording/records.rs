@@ -79,7 +79,7 @@ impl<'a> Records<'a> {
     fn open_chunk(&mut self, frame: &Frame<'a>) {
         let mut end = frame.end;
         // The index of a chunk follows it.
-        while let Some(next) = self.frames.next() {
+        for next in self.frames.by_ref() {
             if next.kind != op::MESSAGE_INDEX {
                 self.next = Some(next);
                 break;

@@ -49,7 +49,7 @@ impl Scan {
     pub(super) fn of_file(file: &[u8], summary: &Summary) -> Result<Self, String> {
         let mut scan = Self::default();
         let mut records = Records::new(file, summary, true);
-        while let Some(record) = records.next() {
+        for record in records.by_ref() {
             match record {
                 Record::Message { header, data } => {
                     if !scan.channels.contains_key(&header.channel_id) {

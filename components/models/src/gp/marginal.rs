@@ -56,7 +56,12 @@ impl Marginal {
         self.values.resize(n * n, 0.0);
         for a in 0..n {
             points.copy_point(a, &mut query);
-            kernel.row(&query, Some(a), points, a, &mut self.values[a * n + a..(a + 1) * n], &mut scratch);
+            kernel.row(
+                (&query, Some(a)),
+                (points, a),
+                &mut self.values[a * n + a..(a + 1) * n],
+                &mut scratch,
+            );
         }
         self.factorise(n, noise)?;
         self.weights.clear();
@@ -130,7 +135,7 @@ impl Marginal {
                 slopes[0] *= 0.5;
                 by_noise[0] += noise * slopes[0];
                 let values = &self.values[a * n + a..(a + 1) * n];
-                kernel.add_gradient(a, points, values, slopes, by_kernel, by_points.as_deref_mut());
+                kernel.add_gradient((a, points), values, slopes, by_kernel, by_points.as_deref_mut());
             }
         }
         Ok(0.5 * energy)

@@ -139,7 +139,7 @@ impl GaussianProcess {
         }
         check_finite("input", x)?;
         check_finite("output", y)?;
-        if !kernel.is_valid(dimensions) || !(noise >= 0.0 && noise.is_finite()) {
+        if !(kernel.is_valid(dimensions) && noise >= 0.0 && noise.is_finite()) {
             return Err(GpError::Kernel { dimensions });
         }
         let targets = (0..outputs).map(|d| y.iter().skip(d).step_by(outputs).copied().collect()).collect();
@@ -267,7 +267,7 @@ impl GaussianProcess {
         let n = self.points.len();
         let mut row = vec![0.0; n];
         let mut scratch = vec![0.0; n * self.kernel.scratch_rows()];
-        self.kernel.row(x, None, &self.points, 0, &mut row, &mut scratch);
+        self.kernel.row((x, None), (&self.points, 0), &mut row, &mut scratch);
         let diagonal = self.kernel.variance(x, true) + self.noise + NUGGET;
         let appended = self.marginal.factor.append(&row, diagonal);
         appended.map_err(|_| GpError::Factorisation { points: n + 1, tried: vec![0.0] })?;
@@ -308,7 +308,7 @@ impl GaussianProcess {
         assert_eq!(mean.len(), self.targets.len(), "number of outputs");
         let n = self.points.len();
         let row = &mut scratch.row[..n];
-        self.kernel.row(x, None, &self.points, 0, row, &mut scratch.kernel);
+        self.kernel.row((x, None), (&self.points, 0), row, &mut scratch.kernel);
         let simd = Simd::new();
         for (mean, weights) in mean.iter_mut().zip(&self.weights) {
             *mean = simd.dot(row, weights);

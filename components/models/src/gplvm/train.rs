@@ -213,7 +213,9 @@ impl LatentModel {
 mod tests {
     use super::*;
 
-    fn example(form: Option<BackForm>) -> (Vec<Space>, Option<(Back, Prepared)>, Points, Vec<f64>) {
+    type Example = (Vec<Space>, Option<(Back, Prepared)>, Points, Vec<f64>);
+
+    fn example(form: Option<BackForm>) -> Example {
         let n = 12;
         let names = |d: usize| (0..d).map(|i| format!("c{i}")).collect::<Vec<_>>();
         let values = |d: usize, phase: f64| -> Vec<f64> {

@@ -90,8 +90,9 @@ impl Hmm {
                 for i in 0..d {
                     let a = y[i] - gaussian.mean[i];
                     sums.first[state * d + i] += share * a;
-                    for j in 0..d {
-                        sums.second[(state * d + i) * d + j] += share * a * (y[j] - gaussian.mean[j]);
+                    let row = &mut sums.second[(state * d + i) * d..][..d];
+                    for ((sum, y), mean) in row.iter_mut().zip(y).zip(&gaussian.mean) {
+                        *sum += share * a * (y - mean);
                     }
                 }
             }

@@ -12,8 +12,7 @@ impl Kernel {
     /// When a slice is too short.
     pub fn add_gradient(
         &self,
-        a: usize,
-        points: &Points,
+        (a, points): (usize, &Points),
         values: &[f64],
         weights: &[f64],
         parameters: &mut [f64],
@@ -84,7 +83,7 @@ impl Kernel {
             Self::Bias(variance) => parameters[0] += variance * weights.iter().sum::<f64>(),
             Self::White(variance) => parameters[0] += variance * weights[0],
             Self::Sum(_) | Self::Product(_) => {
-                self.add_parts(a, query, points, weights, parameters, by_points)
+                self.add_parts((a, query), points, weights, parameters, by_points)
             }
         }
     }
@@ -92,8 +91,7 @@ impl Kernel {
     /// Sums pass the weights on to their parts; a part of a product is weighted by the other parts.
     fn add_parts(
         &self,
-        a: usize,
-        query: &[f64],
+        (a, query): (usize, &[f64]),
         points: &Points,
         weights: &[f64],
         parameters: &mut [f64],
@@ -106,7 +104,7 @@ impl Kernel {
             .map(|part| {
                 let mut row = vec![0.0; weights.len()];
                 let mut scratch = vec![0.0; part.scratch_rows() * weights.len()];
-                part.row(query, Some(a), points, a, &mut row, &mut scratch);
+                part.row((query, Some(a)), (points, a), &mut row, &mut scratch);
                 row
             })
             .collect();
@@ -118,7 +116,7 @@ impl Kernel {
             }
             let end = first + part.parameter_count();
             let parameters = &mut parameters[first..end];
-            part.add_gradient(a, points, &rows[i], &own, parameters, by_points.as_deref_mut());
+            part.add_gradient((a, points), &rows[i], &own, parameters, by_points.as_deref_mut());
             first = end;
         }
     }

@@ -165,10 +165,8 @@ impl Kernel {
     /// When `scratch` holds fewer than [`scratch_rows`](Self::scratch_rows) rows as long as `out`.
     pub fn row(
         &self,
-        query: &[f64],
-        own: Option<usize>,
-        points: &Points,
-        first: usize,
+        (query, own): (&[f64], Option<usize>),
+        (points, first): (&Points, usize),
         out: &mut [f64],
         scratch: &mut [f64],
     ) {
@@ -207,7 +205,7 @@ impl Kernel {
                 let (row, rest) = scratch.split_at_mut(out.len());
                 out.fill(0.0);
                 for part in parts {
-                    part.row(query, own, points, first, row, rest);
+                    part.row((query, own), (points, first), row, rest);
                     out.iter_mut().zip(&*row).for_each(|(out, row)| *out += row);
                 }
             }
@@ -215,7 +213,7 @@ impl Kernel {
                 let (row, rest) = scratch.split_at_mut(out.len());
                 out.fill(1.0);
                 for part in parts {
-                    part.row(query, own, points, first, row, rest);
+                    part.row((query, own), (points, first), row, rest);
                     out.iter_mut().zip(&*row).for_each(|(out, row)| *out *= row);
                 }
             }

@@ -255,7 +255,7 @@ fn of_robot(
             interval.check(&written, allowed)?;
             if parts.is_empty() {
                 let message = format!("nothing to draw: no part of robot `{}` has it", model.name());
-                return Err(RangeError::new(format!("{written}"), message).advise("leave it out"));
+                return Err(RangeError::new(written, message).advise("leave it out"));
             }
             if property > Property::ActuatorStrength {
                 check_ends(&written, (property, interval), &parts, actuators)?;
@@ -332,7 +332,7 @@ fn check_ends(
             vary(&mut settings, property, factor);
             settings.check().map_err(|error| {
                 let message = format!("the factor {factor} makes of the actuator of joint `{name}` {error}");
-                RangeError::new(format!("{key}"), message)
+                RangeError::new(key, message)
                     .advise("choose a smaller factor, or another value of the actuator")
             })?;
         }
@@ -358,7 +358,7 @@ fn of_base(
         let written = format!("base.{key}");
         if !robots.iter().any(floats) {
             let message = "a displacement of a base that is fixed to the world";
-            return Err(RangeError::new(format!("{written}"), message).advise("leave it out"));
+            return Err(RangeError::new(written, message).advise("leave it out"));
         }
         interval.check(&written, Allowed::Displacement)?;
         if !floats(&robots[index]) {
