@@ -109,7 +109,7 @@ pub struct Port {
 }
 
 /// A network ready to run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Program {
     pub(crate) buffers: Vec<Vec<f32>>,
     /// Each with the buffer it writes.
@@ -117,18 +117,6 @@ pub struct Program {
     pub(crate) inputs: Vec<Port>,
     pub(crate) outputs: Vec<Port>,
     arch: Arch,
-}
-
-impl Default for Program {
-    fn default() -> Self {
-        Self {
-            buffers: Vec::new(),
-            operations: Vec::new(),
-            inputs: Vec::new(),
-            outputs: Vec::new(),
-            arch: Arch::new(),
-        }
-    }
 }
 
 impl Program {
