@@ -227,7 +227,8 @@ fn killed_after(fill: &str) -> String {
     let output = with_shared_memory("8m", 10_000, &line);
     let text = text(&output);
     assert!(text.contains("left: \n") || text.ends_with("left:\n"), "{text}");
-    assert!(matches!(output.status.code(), Some(0 | 4)), "{:?} {text}", output.status);
+    // 7: components could not write their results.
+    assert!(matches!(output.status.code(), Some(0 | 4 | 7)), "{:?} {text}", output.status);
     text
 }
 

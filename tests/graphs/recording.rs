@@ -24,7 +24,7 @@ pub(crate) fn text(path: &Path) -> &str {
 /// Records a graph in lockstep; gives its recording.
 pub(crate) fn recorded(folder: &Path, graph: &str, arguments: &[&str]) -> PathBuf {
     let file = folder.join("a.mcap");
-    let arguments = [&["--clock", "lockstep", "--record", text(&file)], arguments].concat();
+    let arguments = [&["--clock", "lockstep", "--overwrite", "--record", text(&file)], arguments].concat();
     let ended = run(&workspace().join("graphs").join(graph), &arguments);
     let result = &ended.report().results["recorder"];
     assert_eq!(result["lost"], 0, "{}", ended.stderr);

@@ -15,6 +15,9 @@ use crate::state::Field as _;
 /// it a late command would brake the robot harder than any safe state.
 const GOES_ON_FOR: f64 = 0.02;
 
+/// Share of the velocity limits for a command and the difference that fades towards it.
+const FADING_SHARE: f64 = 0.95;
+
 /// The command gate of one actuator: a state machine over the joints.
 ///
 /// Each step offers it the newest fresh command ([`offer`](Self::offer)), or none ([`make_safe`](Self::make_safe)); then
@@ -311,7 +314,13 @@ impl Gate {
                 velocity: if last.kd > 0.0 { last.velocity } else { measured.velocity[i] },
                 effort: last.effort,
             };
-            limits.clamp_rates(next, before, over, |kind| {
+            // Command and difference together may come to the limit, which a drive overshoots.
+            let share = if fades { FADING_SHARE } else { 1.0 };
+            if fades {
+                let fastest = share * limits.velocity;
+                next.velocity = next.velocity.max(-fastest).min(fastest);
+            }
+            limits.clamp_rates(next, before, (share, over), |kind| {
                 exceeds |= !fades;
                 if offer.is_new && !fades {
                     account.limited(i, kind);

@@ -281,17 +281,18 @@ impl JointLimits {
         }
     }
 
-    /// Clamps the rates of change since the setpoint `before`, `dt` s ago.
+    /// Clamps the rates of change since the setpoint `before`, `dt` s ago. Positions change by at most `share` of the velocity
+    /// limit.
     #[inline]
     pub(super) fn clamp_rates(
         &self,
         setpoint: &mut JointSetpoint,
         before: Before,
-        dt: f64,
+        (share, dt): (f64, f64),
         mut exceeded: impl FnMut(LimitKind),
     ) {
         if setpoint.kp > 0.0 {
-            let (step, largest) = (setpoint.position - before.position, self.velocity * dt);
+            let (step, largest) = (setpoint.position - before.position, share * self.velocity * dt);
             if step.abs() > largest * (1.0 + ROUNDING) {
                 setpoint.position = before.position + largest.copysign(step);
                 exceeded(LimitKind::PositionRate);

@@ -19,10 +19,12 @@
 mod drive;
 mod error;
 mod pace;
+mod reader;
 mod topics;
 
 pub use drive::run;
 pub use error::SessionError;
+pub use reader::TopicReader;
 pub use topics::Value;
 
 use std::sync::atomic::Ordering::Relaxed;

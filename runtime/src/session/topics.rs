@@ -5,14 +5,14 @@ use std::rc::Rc;
 
 use iceoryx2::node::Node;
 
-use super::{Session, SessionError};
+use super::{Session, SessionError, TopicReader};
 use crate::context::Context;
 use crate::declare::TopicPattern;
 use crate::launcher::LaunchError;
 use crate::nearest::suggest;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer};
-use crate::transport::{Output, OutputPlace, Participant, Shared, Tap, TopicReader};
+use crate::transport::{Output, OutputPlace, Participant, Shared, Tap};
 
 /// A value of a topic as it was when the session read it.
 ///

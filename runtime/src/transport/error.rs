@@ -35,7 +35,7 @@ pub enum PortError {
 }
 
 /// The error of an operation on a topic.
-pub(super) fn refused(
+pub(crate) fn refused(
     topic: &str,
     action: &'static str,
 ) -> impl Fn(&dyn core::fmt::Display) -> PortError + use<> {

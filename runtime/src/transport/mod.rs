@@ -7,7 +7,7 @@
 //! | parameter | a typed value, taken between two steps | iceoryx2 blackboard |
 //!
 //! [`Input`] and [`Output`] are the ports that a component steps with, [`Trigger`] waits for a topic, [`Tap`] reads every
-//! value from outside of the graph, [`TopicReader`] the newest one in place. [`RawInput`] and [`RawOutput`] carry types known at run time only.
+//! value from outside of the graph. [`RawInput`] and [`RawOutput`] carry types known at run time only.
 //! [`Domain`] keeps runs apart; each topic is a service of it that `iox2` lists.
 
 mod error;
@@ -22,15 +22,14 @@ mod raw_output;
 pub(crate) mod stream;
 mod tap;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod topic;
-mod topic_reader;
 mod trigger;
 
 pub use crate::domain::{Domain, DomainError, SHARED_MEMORY, ServiceError, Shared, quieten};
 pub use crate::parameter::{AnyParameter, Choice, Parameter, ParameterArray, ParameterError, ParameterTable};
 pub use error::PortError;
-use error::refused;
+pub(crate) use error::refused;
 pub use input::{Input, Reading};
 pub(crate) use input_place::InputPlace;
 pub(crate) use latest::TopicMemory;
@@ -41,8 +40,8 @@ pub use raw_input::{RawInput, RawReading};
 pub use raw_output::{RawError, RawOutput};
 pub(crate) use stream::Connect;
 pub use stream::{SliceInput, SliceLoan, SliceOutput};
+pub(crate) use tap::side_pin;
 pub use tap::{Sample, Tap};
-pub(crate) use topic::{TopicService, same_layout};
-pub use topic_reader::TopicReader;
+pub(crate) use topic::{TopicService, open_queue, same_layout};
 pub(crate) use trigger::SPIN_NS;
 pub use trigger::Trigger;

@@ -5,10 +5,10 @@ use iceoryx2::node::Node;
 use super::latest::{self, TopicMemory};
 use super::stream::{Queue, parts, receive};
 use super::topic::open_queue;
-use super::topic_reader::side_pin;
 use super::{PortError, refused};
 use crate::declare::TopicPattern;
 use crate::domain::{Domain, Shared};
+use crate::os::Lock;
 use crate::plan::TopicPlan;
 use crate::state::{Digest, Stamp, TypeLayout};
 
@@ -46,10 +46,26 @@ pub struct Sample {
 }
 
 /// The first of the places of a topic among those of all topics of a run.
-pub(super) fn first_place(topic: &str) -> u32 {
+fn first_place(topic: &str) -> u32 {
     let mut digest = Digest::default();
     digest.write(topic.as_bytes());
     (digest.finish() as u32 >> 4) * latest::SIDE_PINS as u32
+}
+
+/// Takes one of the pins of a topic for readers outside the graph, with the lock that keeps it. The system frees the lock
+/// when this process ends.
+pub(crate) fn side_pin(
+    domain: &Domain,
+    topic: &TopicPlan,
+    memory: &TopicMemory,
+) -> Result<(Lock, usize), PortError> {
+    let (file, first) = (domain.lock_file(), first_place(&topic.name));
+    let take = |place: usize| Lock::take(&file, first + place as u32).ok().flatten();
+    let free = memory.side_pins().enumerate().find_map(|(place, pin)| Some((take(place)?, pin)));
+    free.ok_or_else(|| {
+        let full = &"its four places for readers outside the graph are taken by running programs";
+        refused(&topic.name, "reading it from outside")(full)
+    })
 }
 
 impl Source {

@@ -128,7 +128,7 @@ fn open(node: &Node<Shared>, topic: &TopicPlan) -> Result<Samples, PortError> {
 }
 
 /// A queue of a topic's samples.
-pub(super) fn open_queue(node: &Node<Shared>, topic: &TopicPlan) -> Result<Queue, PortError> {
+pub(crate) fn open_queue(node: &Node<Shared>, topic: &TopicPlan) -> Result<Queue, PortError> {
     let queue = open(node, topic)?.subscriber_builder().create();
     queue.map_err(|error| refused(&topic.name, "making a subscriber")(&error))
 }

@@ -96,7 +96,7 @@ const OTHER_VALUES: &[(&str, &[&str])] = &[
 
 /// Keys whose own keys are in the list, and those that have tests of their own: `exec`, `emergency_stop`, `world`,
 /// `activate` (there are no events in lockstep), `robots`, those of episodes (the kinds of this test cannot be reset), and those by which files are laid over one another.
-const TABLES: [&str; 20] = [
+const TABLES: [&str; 21] = [
     "Component.activate",
     "Activate.on",
     "Activate.min_interval",
@@ -109,6 +109,7 @@ const TABLES: [&str; 20] = [
     "Graph.extends",
     "Graph.remove",
     "Safety.emergency_stop",
+    "Safety.emergency_stop_max_age",
     "Graph.cores",
     "Graph.realtime",
     "Graph.robot",

@@ -83,7 +83,7 @@ struct Train {
     /// Folder with human.csv and one file a robot; line i of every file is the same instant
     data: PathBuf,
     /// The model's file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
     /// Robots, separated by commas
     #[arg(long, value_delimiter = ',', default_value = "walkman")]
@@ -152,7 +152,7 @@ struct Transfer {
     #[arg(long, default_value_t = 200)]
     iterations: usize,
     /// Write here instead of to the model's file
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Print as JSON
     #[arg(long)]

@@ -23,11 +23,11 @@ use serde::Deserialize;
 /// schemas 18, the crates of the project 17, `parry3d` and `rapier3d` 15, clap 14, `can-dbc` 14, `clarabel` 14, `urdf-rs` 9,
 /// `nalgebra` 7, `socketcan` 7, `indicatif` 4, `prometheus-client` 3. Without the screen of `top`, databases of CAN messages, cones, URDF, the
 /// kernel's buses and metrics, 74 crates fewer, there are still 204.
-const CEILING: usize = 279;
+const CEILING: usize = 281;
 
 /// Crates that `cargo build --release -p motorium-view` may compile, counted in the same way. It is a program of its own for their
 /// sake: Foxglove's server runs on tokio.
-const VIEWER: usize = 207;
+const VIEWER: usize = 209;
 
 /// Standard output of cargo with these arguments, run in the workspace without the network.
 fn cargo(arguments: &[&str]) -> String {

@@ -237,6 +237,7 @@ fn robots_of_a_missing_mesh(folder: &Path) -> [[String; 2]; 2] {
         </joint></robot>"#;
     let graph = r#"
         name = "mesh"
+        safety = { stale_after = "25 ms" }
 
         [robot.mesh]
         urdf    = "mesh.urdf"

@@ -11,8 +11,9 @@ use motorium::plan::{ClockKind, Plan, TopicPlan};
 use motorium::region::{Command, Region};
 use motorium::run_folder::RunFolder;
 use motorium::schedule::Overheads;
+use motorium::session::TopicReader;
 use motorium::state::Stamp;
-use motorium::transport::{Domain, ParameterTable, PortError, Tap, TopicReader};
+use motorium::transport::{Domain, ParameterTable, PortError, Tap};
 use motorium_bridges::foxglove::world_scene;
 
 use crate::channels::Channels;

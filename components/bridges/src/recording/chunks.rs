@@ -10,6 +10,8 @@ use super::framing::Frame;
 
 /// Longest chunk that is decompressed \[bytes\]. Writers make chunks of a few megabytes; a few kilobytes can expand to gigabytes.
 const LONGEST: usize = 128 << 20;
+/// Names of the compressions that writers use.
+const COMPRESSIONS: [&str; 3] = ["", "lz4", "zstd"];
 /// Bytes before the content of a record: its kind and its length.
 const HEAD: usize = 9;
 
@@ -45,7 +47,7 @@ impl<'a> Chunk<'a> {
             unreadable: None,
             skipped: 0,
         };
-        let Some((header, stored)) = split(frame.body) else {
+        let Some((header, stored, is_consistent)) = split(frame.body) else {
             (chunk.is_damaged, chunk.skipped) = (true, frame.body.len() as u64);
             return chunk;
         };
@@ -54,7 +56,7 @@ impl<'a> Chunk<'a> {
         let is_unfinished = header.compressed_size == u64::MAX && header.uncompressed_size == u64::MAX;
         let is_short = (stored.len() as u64) < header.compressed_size;
         chunk.is_open = is_unfinished || (frame.is_cut && frame.is_last && is_short);
-        chunk.is_damaged = frame.is_cut && !chunk.is_open;
+        chunk.is_damaged = (frame.is_cut || !is_consistent) && !chunk.is_open;
         match decompress(&header, stored) {
             Ok((content, is_whole)) => {
                 chunk.content = content;
@@ -127,12 +129,23 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// The header of a chunk and its stored bytes.
-fn split(body: &[u8]) -> Option<(ChunkHeader, &[u8])> {
+/// The header of a chunk, its stored bytes, and whether the lengths in the header add up to the length of the record.
+/// Where they do not, the name of the compression is taken from the lengths with which they would.
+fn split(body: &[u8]) -> Option<(ChunkHeader, &[u8], bool)> {
     let number = |start: usize| Some(u64::from_le_bytes(*body.get(start..)?.first_chunk()?));
     let short = |start: usize| Some(u32::from_le_bytes(*body.get(start..)?.first_chunk()?));
-    let name = short(28)? as usize;
-    let compression = String::from_utf8_lossy(body.get(32..32usize.checked_add(name)?)?).into_owned();
+    let fits = |name: usize| {
+        number(32 + name).is_some_and(|size| size.checked_add(40 + name as u64) == Some(body.len() as u64))
+    };
+    let length = short(28)? as usize;
+    let stated = body.get(32..32_usize.checked_add(length)?);
+    let is_consistent = stated.is_some() && fits(length);
+    let likely = || COMPRESSIONS.into_iter().find(|name| fits(name.len()));
+    let compression = match stated {
+        Some(name) if is_consistent => String::from_utf8_lossy(name).into_owned(),
+        _ => likely().map(str::to_owned).or_else(|| Some(String::from_utf8_lossy(stated?).into_owned()))?,
+    };
+    let name = compression.len();
     let header = ChunkHeader {
         message_start_time: number(0)?,
         message_end_time: number(8)?,
@@ -141,9 +154,7 @@ fn split(body: &[u8]) -> Option<(ChunkHeader, &[u8])> {
         compression,
         compressed_size: number(32 + name)?,
     };
-    let stored = body.get(40 + name..)?;
-    let length = usize::try_from(header.compressed_size).unwrap_or(usize::MAX).min(stored.len());
-    Some((header, &stored[..length]))
+    Some((header, body.get(40 + name..)?, is_consistent))
 }
 
 /// The content of a chunk, and whether it has the stated size.

@@ -4,7 +4,6 @@ mod filling;
 mod joining;
 mod latest;
 mod streams;
-mod topic_reader;
 
 use std::rc::Rc;
 
@@ -61,8 +60,8 @@ fn component(name: &str) -> ComponentPlan {
 }
 
 /// A domain with one topic, a writer (component 0) and a reader (component 1).
-struct Bench {
-    folder: RunFolder,
+pub(crate) struct Bench {
+    pub(crate) folder: RunFolder,
     plan: Plan,
     region: Rc<Region>,
     node: Rc<iceoryx2::node::Node<Shared>>,
@@ -71,7 +70,7 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(layout: TypeLayout, pattern: TopicPattern) -> Self {
+    pub(crate) fn new(layout: TypeLayout, pattern: TopicPattern) -> Self {
         Self::make(layout, pattern, 0)
     }
 
@@ -112,7 +111,7 @@ impl Bench {
         Self { folder, plan, region: Rc::new(region), node, _service: service, _parameters: parameters }
     }
 
-    fn topic(&self) -> &TopicPlan {
+    pub(crate) fn topic(&self) -> &TopicPlan {
         &self.plan.topics[0]
     }
 
@@ -130,11 +129,11 @@ impl Bench {
         Input::open(&self.participant(1), &place)
     }
 
-    fn output<T: StateBuffer>(&self) -> Output<T> {
+    pub(crate) fn output<T: StateBuffer>(&self) -> Output<T> {
         Output::open(&self.participant(0), self.output_place(), "output").unwrap()
     }
 
-    fn output_place(&self) -> OutputPlace<'_> {
+    pub(crate) fn output_place(&self) -> OutputPlace<'_> {
         OutputPlace {
             index: 0,
             topic: self.topic(),
@@ -144,7 +143,7 @@ impl Bench {
         }
     }
 
-    fn participant(&self, index: usize) -> Participant {
+    pub(crate) fn participant(&self, index: usize) -> Participant {
         Participant::new(self.node.clone(), self.context(index))
     }
 }
@@ -155,7 +154,7 @@ impl Drop for Bench {
     }
 }
 
-fn wrench(x: f64) -> Wrench {
+pub(crate) fn wrench(x: f64) -> Wrench {
     Wrench { force: [x, 0.0, 0.0], torque: [0.0; 3] }
 }
 
@@ -215,14 +214,14 @@ fn what_lies_beyond_the_count_is_neither_checked_nor_shown() {
     assert_eq!(input.latest().unwrap().velocity(), &[] as &[f64]);
 }
 
-mod swapped {
+pub(crate) mod swapped {
     crate::state_buffer! {
         /// A wrench whose fields are in the other order: same name, same size.
-        pub(super) struct Wrench as "motorium.Wrench" {
+        pub(crate) struct Wrench as "motorium.Wrench" {
             /// Torque, N m.
-            pub(super) torque: [f64; 3],
+            pub(crate) torque: [f64; 3],
             /// Force, N.
-            pub(super) force: [f64; 3],
+            pub(crate) force: [f64; 3],
         }
     }
 }

@@ -15,7 +15,7 @@ pub(super) fn too_stiff(equipped: &Equipped, dt: f64) -> Option<String> {
     let Equipped { robot, table, order } = equipped;
     let (model, joints) = (&robot.model, robot.model.joint_count());
     let mut mass = DMatrix::zeros(model.nv(), model.nv());
-    let home = robot.profile.as_ref().and_then(|profile| profile.home(model).ok());
+    let home = robot.profile.as_ref().and_then(|profile| profile.configuration(model, &profile.home).ok());
     let q = home.map_or_else(|| model.neutral(), |home| home.as_slice().to_vec());
     Dynamics::new(model).crba(model, &q, &mut mass);
     // of what moves when an effort acts on this joint alone

@@ -8,27 +8,25 @@ use std::rc::Rc;
 
 use iceoryx2::node::Node;
 
-use super::latest::{StateReader, TopicMemory};
-use super::stream::{Queue, Received, parts, receive};
-use super::tap::first_place;
-use super::topic::{open_queue, same_layout};
-use super::{PortError, refused};
 use crate::declare::TopicPattern;
 use crate::domain::{Domain, Shared};
 use crate::os::Lock;
 use crate::plan::TopicPlan;
 use crate::state::{Stamp, StateBuffer, TypeLayout};
+use crate::transport::latest::StateReader;
+use crate::transport::stream::{Queue, Received, parts, receive};
+use crate::transport::{PortError, TopicMemory, open_queue, refused, same_layout, side_pin};
 
 /// A reader of the newest value of a topic, in place, for programs outside the graph.
 ///
 /// The writer does nothing for it and never waits for it. [`poll`](Self::poll) pins the newest value; the value stays
 /// valid and unchanged until the next `poll`, whatever its size and however long the reader takes. A topic has places for
-/// four readers from outside at a time, shared with [taps](super::Tap); the place of a killed program is free at once.
+/// four readers from outside at a time, shared with [taps](crate::transport::Tap); the place of a killed program is free at once.
 ///
-/// Of a stream, `poll` skips to the newest value. Use a [`Tap`](super::Tap) to read every value.
+/// Of a stream, `poll` skips to the newest value. Use a [`Tap`](crate::transport::Tap) to read every value.
 ///
 /// ```no_run
-/// # use motorium::{plan::Plan, state::JointState, transport::{Domain, PortError, TopicReader}};
+/// # use motorium::{plan::Plan, state::JointState, session::TopicReader, transport::{Domain, PortError}};
 /// fn newest_positions(domain: &Domain, plan: &Plan) -> Result<Vec<f64>, PortError> {
 ///     let mut reader = TopicReader::open(domain, &plan.topics[0])?;
 ///     reader.poll();
@@ -152,18 +150,6 @@ impl TopicReader {
     }
 }
 
-/// Takes one of the pins of a topic for readers outside the graph, with the lock that keeps it. The system frees the lock
-/// when this process ends.
-pub(super) fn side_pin(
-    domain: &Domain,
-    topic: &TopicPlan,
-    memory: &TopicMemory,
-) -> Result<(Lock, usize), PortError> {
-    let (file, first) = (domain.lock_file(), first_place(&topic.name));
-    let take = |place: usize| Lock::take(&file, first + place as u32).ok().flatten();
-    let free = memory.side_pins().enumerate().find_map(|(place, pin)| Some((take(place)?, pin)));
-    free.ok_or_else(|| {
-        let full = &"its four places for readers outside the graph are taken by running programs";
-        refused(&topic.name, "reading it from outside")(full)
-    })
-}
+#[cfg(test)]
+#[path = "tests/reader.rs"]
+mod tests;

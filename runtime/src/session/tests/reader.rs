@@ -1,6 +1,10 @@
 //! Reading the newest value from outside the graph.
 
-use super::*;
+use crate::declare::TopicPattern;
+use crate::session::TopicReader;
+use crate::state::{StateBuffer as _, Wrench};
+use crate::transport::tests::{Bench, swapped, wrench};
+use crate::transport::{SliceOutput, Tap};
 
 fn reader(bench: &Bench) -> TopicReader {
     TopicReader::open(&bench.folder.domain().unwrap(), bench.topic()).unwrap()
