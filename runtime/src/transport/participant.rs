@@ -34,7 +34,7 @@ impl Participant {
     }
 
     /// The memory of a topic.
-    pub(super) fn memory(&self, topic: &TopicPlan) -> Result<Rc<TopicMemory>, PortError> {
+    pub(crate) fn memory(&self, topic: &TopicPlan) -> Result<Rc<TopicMemory>, PortError> {
         let mut topics = self.topics.borrow_mut();
         if let Some((_, memory)) = topics.iter().find(|(name, _)| *name == topic.name) {
             return Ok(memory.clone());
