@@ -63,7 +63,8 @@ fn the_arm_is_moved_through_the_driver_of_the_kernel_on_a_simulated_adapter() {
     // eight drives of two frames of 111 to 135 bits in 5 ms
     let load = adapter["buses"]["can0"]["load"].as_f64().expect("a number");
     assert!((0.2..0.45).contains(&load), "{load}");
-    assert_eq!(let_go(&desk), 8, "once the arm is stopped nobody commands the drives: {desk}");
+    let disabled = drives(&desk, |drive| drive["enabled"] == false);
+    assert_eq!(disabled, 8, "an orderly end disables the drives: {desk}");
 }
 
 #[test]

@@ -93,8 +93,10 @@ fn answers_of_a_second_drive_with_the_same_number_are_counted_and_not_taken() {
     let Some(row) = row("twice") else { return };
     let adapter = &row.results()["adapter"];
     let joint = &adapter["joints"]["panda_joint2"];
-    // each cycle of 0.4 s has one too many
-    let second = number(&joint["duplicate_replies"]) + number(&joint["late_replies"]);
+    // each cycle of 0.4 s has one too many; its position is too far away to be believed
+    let second = number(&joint["duplicate_replies"])
+        + number(&joint["late_replies"])
+        + number(&adapter["implausible_frames"]);
     assert!(second > 100, "{adapter}");
     // taken for its position, one of them would be a jump of a third of a radian that no gate lets pass
     row.assert_steady(adapter);

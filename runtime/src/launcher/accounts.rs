@@ -247,8 +247,6 @@ impl Launch {
                 self.warnings.push(format!(
                     "`{name}` did not come to rest in its safe state within 1 s, {unsettled}x"
                 ));
-            } else if block.gate.moves() {
-                self.warnings.push(format!("`{name}` was not at rest in its safe state at the end"));
             }
             if late > 0 {
                 self.warnings.push(format!("`{name}` was resuming for more than 2 s, {late}x"));

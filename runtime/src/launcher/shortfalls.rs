@@ -6,7 +6,7 @@ use super::hang::LostShare;
 use super::{Event, Launch};
 use crate::os::monotonic_ns;
 use crate::plan::{ClockKind, ComponentPlan};
-use crate::region::{ComponentBlock, Phase};
+use crate::region::{ComponentBlock, Phase, TopicBlock};
 use crate::state::{JointCommand, StateBuffer as _};
 
 /// Share of refused commands from which on an actuator did not do its job.
@@ -19,10 +19,11 @@ impl Launch {
             ClockKind::Lockstep => self.reached_ns,
             ClockKind::Realtime => monotonic_ns(),
         };
+        let topics = self.region.topics();
         let components = self.plan.components.iter().zip(self.region.components());
         let actuators = components.filter(|(component, _)| component.actuator);
         let found: Vec<String> =
-            actuators.flat_map(|(component, block)| shortfalls(component, block, now_ns)).collect();
+            actuators.flat_map(|(component, block)| shortfalls(component, (block, topics), now_ns)).collect();
         found.iter().for_each(|warning| observe(Event::Warning(warning)));
         self.warnings.extend(found);
     }
@@ -65,12 +66,17 @@ impl Launch {
 }
 
 /// The shortfalls of one actuator until `now_ns`, as text.
-fn shortfalls(component: &ComponentPlan, block: &ComponentBlock, now_ns: u64) -> Vec<String> {
+fn shortfalls(
+    component: &ComponentPlan,
+    (block, topics): (&ComponentBlock, &[TopicBlock]),
+    now_ns: u64,
+) -> Vec<String> {
     let name = &component.name;
-    let is_commanded = component
-        .inputs
-        .iter()
-        .any(|port| port.layout.type_name == JointCommand::NAME && port.topic.is_some());
+    // A program outside the graph, behind a bridge, may never have commanded anything.
+    let is_commanded = component.inputs.iter().any(|port| {
+        port.layout.type_name == JointCommand::NAME
+            && port.topic.is_some_and(|topic| topics[topic].published.load(Relaxed) > 0)
+    });
     let first_ns = block.first_step_ns.load(Relaxed);
     let lasted_ns = now_ns.saturating_sub(first_ns);
     if !is_commanded || lasted_ns == 0 || block.gate.report().is_none() {

@@ -68,34 +68,17 @@ pub(crate) fn side_pin(
     })
 }
 
-impl Source {
-    /// A reader of a topic whose values come through queues.
-    fn stream(node: &Node<Shared>, topic: &TopicPlan) -> Result<Self, PortError> {
-        Ok(Self::Stream { queue: open_queue(node, topic)?, last: (0, 0), missed: 0 })
-    }
-}
-
 impl Tap {
     /// Joins a topic. The first value is the newest one of a state, or the next one of a stream.
     ///
     /// # Errors
     /// The run or the topic cannot be reached, or four others look on already.
     pub fn open(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
-        let name = &topic.name;
-        let node = domain.node().map_err(|error| refused(name, "joining the run")(&error))?;
-        let layout = topic.layout.clone();
-        let source = match topic.pattern {
-            TopicPattern::State => {
-                let memory = TopicMemory::open(&node, topic)?;
-                let place = side_pin(domain, topic, &memory)?;
-                Source::State(Box::new(latest::Tap::join(memory, place)))
-            }
-            TopicPattern::Slices { .. } => {
-                return Err(refused(name, "looking on")(&"it carries slices, which have no single layout"));
-            }
-            TopicPattern::Stream { .. } => Source::stream(&node, topic)?,
-        };
-        Ok(Self { layout, source, _node: node })
+        if matches!(topic.pattern, TopicPattern::Slices { .. }) {
+            let reason = &"it carries slices, which have no single layout";
+            return Err(refused(&topic.name, "looking on")(reason));
+        }
+        Self::join(domain, topic)
     }
 
     /// Joins a topic of slices, such as pictures: the bytes of each value are those of all elements of a slice, in the
@@ -104,12 +87,21 @@ impl Tap {
     /// # Errors
     /// The run or the topic cannot be reached, or the topic carries single values.
     pub fn of_slices(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
-        let name = &topic.name;
         if !matches!(topic.pattern, TopicPattern::Slices { .. }) {
-            return Err(refused(name, "looking on")(&"it carries single values, no slices"));
+            return Err(refused(&topic.name, "looking on")(&"it carries single values, no slices"));
         }
-        let node = domain.node().map_err(|error| refused(name, "joining the run")(&error))?;
-        let source = Source::stream(&node, topic)?;
+        Self::join(domain, topic)
+    }
+
+    fn join(domain: &Domain, topic: &TopicPlan) -> Result<Self, PortError> {
+        let node = domain.node().map_err(|error| refused(&topic.name, "joining the run")(&error))?;
+        let source = if topic.pattern == TopicPattern::State {
+            let memory = TopicMemory::open(&node, topic)?;
+            let place = side_pin(domain, topic, &memory)?;
+            Source::State(Box::new(latest::Tap::join(memory, place)))
+        } else {
+            Source::Stream { queue: open_queue(&node, topic)?, last: (0, 0), missed: 0 }
+        };
         Ok(Self { layout: topic.layout.clone(), source, _node: node })
     }
 

@@ -104,6 +104,10 @@ impl<'a> Iterator for Frames<'a> {
             if let Some(end) = self.framed(start) {
                 self.position = end;
                 let kind = self.file[start];
+                if kind != op::CHUNK && self.is_listed(start) {
+                    // Its kind is damaged.
+                    return Some(self.frame(op::CHUNK, start, end, true));
+                }
                 self.has_footer = kind == op::FOOTER;
                 return Some(self.frame(kind, start, end, false));
             }

@@ -117,8 +117,8 @@ impl Coupling {
     /// The system refuses, or the file is another one, damaged or of another version.
     pub fn read(path: &Path) -> Result<Self, CouplingFileError> {
         let path_buf = || path.to_path_buf();
-        let bytes =
-            std::fs::read(path).map_err(|source| CouplingFileError::Io { path: path_buf(), source })?;
+        let bytes = motorium_recordings::read_bounded(path, super::LONGEST)
+            .map_err(|source| CouplingFileError::Io { path: path_buf(), source })?;
         if bytes.get(..8) != Some(&MAGIC) {
             return Err(CouplingFileError::Magic { path: path_buf() });
         }

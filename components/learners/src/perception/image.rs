@@ -44,8 +44,8 @@ impl Picture {
     /// # Errors
     /// The file cannot be read, is no grey map, or shows nothing.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
-        let bytes =
-            std::fs::read(path).map_err(|source| ImageError::Io { path: path.to_path_buf(), source })?;
+        let bytes = motorium_recordings::read_bounded(path, super::LONGEST)
+            .map_err(|source| ImageError::Io { path: path.to_path_buf(), source })?;
         let grey =
             parse(&bytes).map_err(|problem| ImageError::Format { path: path.to_path_buf(), problem })?;
         grey.normalised().ok_or_else(|| ImageError::Blank { path: path.to_path_buf() })

@@ -37,3 +37,6 @@ pub use file::CouplingFileError;
 pub use image::ImageError;
 pub use letter::{augmented, begun_at_zero, chamfer, even_speed, unit_extent};
 pub use picture::{PIXELS, Picture};
+
+/// Longest file of a coupling or a picture, bytes.
+const LONGEST: u64 = 1 << 28;
