@@ -14,13 +14,13 @@ use super::states::{HOLD_EFFORT_BLEND, Joint};
 /// once push one another.
 const SHARE: f64 = 0.5;
 /// Share of the limits that the approach uses at last.
-const LAST_SHARE: f64 = 0.9;
+const LAST_SHARE: f64 = 0.6;
 /// Time for which the approach keeps to [`SHARE`], s.
 const GENTLE_FOR: f64 = 0.6;
 /// Time in which its share of the limits rises to [`LAST_SHARE`], s.
 const RISES_FOR: f64 = 0.4;
 /// Longest time in which the remaining difference fades where the command was not met, s.
-const LONGEST_FADE: f64 = 0.9;
+const LONGEST_FADE: f64 = 0.3;
 /// Time within which commands are followed again unless they are too far away for the limits, s. A gate that takes longer
 /// is reported.
 pub const RESUME_WITHIN: f64 = 2.0;
