@@ -21,6 +21,12 @@ const GENTLE_FOR: f64 = 0.6;
 const RISES_FOR: f64 = 0.4;
 /// Longest time in which the remaining difference fades where the command was not met, s.
 const LONGEST_FADE: f64 = 0.3;
+/// Time after which the approach ends for a command that it cannot meet otherwise, s.
+const URGENT_AFTER: f64 = 3.0;
+/// Share of the limits of an approach that lasts longer.
+const URGENT_SHARE: f64 = 0.9;
+/// Longest time in which the difference fades then, s.
+const URGENT_FADE: f64 = 0.9;
 /// Time within which commands are followed again unless they are too far away for the limits, s. A gate that takes longer
 /// is reported.
 pub const RESUME_WITHIN: f64 = 2.0;
@@ -214,8 +220,15 @@ impl Resume {
         (self.faded_for, self.fade_time) = (0.0, FADE);
     }
 
+    fn is_urgent(&self) -> bool {
+        self.elapsed > URGENT_AFTER
+    }
+
     /// Share of the limits that the approach uses now.
     fn share(&self) -> f64 {
+        if self.is_urgent() {
+            return URGENT_SHARE;
+        }
         SHARE + (LAST_SHARE - SHARE) * ((self.elapsed - GENTLE_FOR) / RISES_FOR).clamp(0.0, 1.0)
     }
 
@@ -261,9 +274,10 @@ impl Resume {
                 times.fold(FADE, f64::max)
             };
             let share = self.share();
-            let hard = shortest(LAST_SHARE, share);
-            if hard <= LONGEST_FADE {
-                self.fade_time = shortest(SHARE, FADE_SHARE).min(LONGEST_FADE).max(hard);
+            let hard = shortest(share, share);
+            let longest = if self.is_urgent() { URGENT_FADE } else { LONGEST_FADE };
+            if hard <= longest {
+                self.fade_time = shortest(SHARE, FADE_SHARE).min(longest).max(hard);
                 self.faded_for = 0.0;
             }
         }

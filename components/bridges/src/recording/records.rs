@@ -230,7 +230,7 @@ mod tests {
                 let mut bytes = whole.clone();
                 bytes[at] ^= bit;
                 let (found, damage) = messages(&bytes);
-                assert!(found.len() >= 299, "{} messages, bit {bit} of byte {at}", found.len());
+                assert!(found.len() >= 299, "{} messages, bit {bit} of byte {} of the chunk", found.len(), at - chunks[1]);
                 assert!(damage.is_any() || damage.skipped > 0, "bit {bit} of byte {at} is not noticed");
             }
         }
