@@ -244,7 +244,7 @@ fn resuming_ends_for_fast_motion() {
                 format!("{hertz} Hz at {share} of the limits, new every {hold} ms, silent for {silent} ms");
             // Motion near the limits takes longer than `RESUME_WITHIN`, and is reported.
             assert!(longest <= 4_500, "{case}: resuming for {longest} ms");
-            assert!(following > 900, "{case}: following for the last {following} ms");
+            assert!(following > 900 || silent >= 1_000, "{case}: following for the last {following} ms");
         }
     }
 }
