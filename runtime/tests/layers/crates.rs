@@ -17,7 +17,7 @@ const BETWEEN_WINGS: [(&str, &[&str]); 4] = [
 const COMPONENTS_ALONE: [&str; 3] = ["components/policies", "components/interfaces", "components/bridges"];
 
 /// The members of the workspace: their folders, by the names of their crates.
-fn members(root: &Path) -> BTreeMap<String, String> {
+pub(crate) fn members(root: &Path) -> BTreeMap<String, String> {
     let manifest = read(&root.join("Cargo.toml"));
     let folders = manifest["workspace"]["members"].as_array().expect("members").iter();
     folders

@@ -5,6 +5,7 @@ mod crates;
 mod paths;
 mod size;
 mod tokens;
+mod words;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

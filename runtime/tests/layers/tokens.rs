@@ -18,35 +18,62 @@ impl Token {
     }
 }
 
-/// Splits a source; comments vanish, a text or a character becomes one mark.
-pub(crate) fn tokens(source: &str) -> Vec<Token> {
+/// A piece of a source with the line it starts on, from 1.
+pub(crate) struct Piece {
+    pub(crate) kind: PieceKind,
+    pub(crate) text: String,
+    pub(crate) line: usize,
+}
+
+/// The kinds of pieces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum PieceKind {
+    Comment,
+    /// A string or character literal, or the quote of a lifetime.
+    Literal,
+    /// An identifier, keyword or number.
+    Name,
+    /// A single other character, blanks included.
+    Mark,
+}
+
+/// Splits a source into comments, literals, names and marks.
+pub(crate) fn pieces(source: &str) -> Vec<Piece> {
     let text: Vec<char> = source.chars().collect();
-    let mut tokens = Vec::new();
+    let mut pieces = Vec::new();
     let (mut at, mut line) = (0, 1);
     while let Some(&c) = text.get(at) {
         let next = text.get(at + 1).copied();
-        let end = match c {
-            '/' if next == Some('/') => find(&text, at, |rest| rest[0] == '\n'),
-            '/' if next == Some('*') => block_comment(&text, at),
-            '"' => string(&text, at),
-            '\'' => character(&text, at),
-            'r' | 'b' | 'c' if prefixed(&text, at).is_some() => prefixed(&text, at).unwrap_or(at + 1),
+        let (kind, end) = match c {
+            '/' if next == Some('/') => (PieceKind::Comment, find(&text, at, |rest| rest[0] == '\n')),
+            '/' if next == Some('*') => (PieceKind::Comment, block_comment(&text, at)),
+            '"' => (PieceKind::Literal, string(&text, at)),
+            '\'' => (PieceKind::Literal, character(&text, at)),
+            'r' | 'b' | 'c' if prefixed(&text, at).is_some() => {
+                (PieceKind::Literal, prefixed(&text, at).unwrap_or(at + 1))
+            }
             c if c.is_alphanumeric() || c == '_' => {
-                let end = find(&text, at, |rest| !(rest[0].is_alphanumeric() || rest[0] == '_'));
-                tokens.push(Token::Name(text[at..end].iter().collect(), line));
-                end
+                (PieceKind::Name, find(&text, at, |rest| !(rest[0].is_alphanumeric() || rest[0] == '_')))
             }
-            _ => {
-                if !c.is_whitespace() {
-                    tokens.push(Token::Mark(c));
-                }
-                at + 1
-            }
+            _ => (PieceKind::Mark, at + 1),
         };
+        pieces.push(Piece { kind, text: text[at..end].iter().collect(), line });
         line += text[at..end].iter().filter(|c| **c == '\n').count();
         at = end;
     }
-    tokens
+    pieces
+}
+
+/// The names and marks of a source; comments and literals are dropped.
+pub(crate) fn tokens(source: &str) -> Vec<Token> {
+    pieces(source)
+        .into_iter()
+        .filter_map(|piece| match piece.kind {
+            PieceKind::Name => Some(Token::Name(piece.text, piece.line)),
+            PieceKind::Mark => piece.text.chars().find(|c| !c.is_whitespace()).map(Token::Mark),
+            PieceKind::Comment | PieceKind::Literal => None,
+        })
+        .collect()
 }
 
 fn find(text: &[char], from: usize, end: impl Fn(&[char]) -> bool) -> usize {
