@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn the_most_frequent_limits_are_named_by_joint_and_the_rest_is_counted() {
+    fn frequent_limits_are_named_and_others_counted() {
         let limited = |joint: usize, count: u64| Limited {
             joint: format!("joint{joint}"),
             limit: LimitKind::PositionRate,

@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reader_that_has_had_enough_is_no_failure_and_a_full_disk_is_one() {
+    fn closed_pipe_succeeds_and_full_disk_fails() {
         assert!(written(Err(ErrorKind::BrokenPipe.into())).is_ok());
         assert!(written(Err(ErrorKind::StorageFull.into())).is_err());
     }

@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_tells_what_changed_since_the_one_before_and_nothing_twice() {
+    fn progress_lines_print_only_changes() {
         let mut progress = Progress::default();
         let with = |stolen, restarts, safe| {
             vec![component("physics", stolen, 0, safe), component("policy", 0, restarts, false)]

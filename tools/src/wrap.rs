@@ -68,7 +68,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_line_of_words_is_wider_than_the_terminal_and_no_word_is_lost() {
+    fn messages_wrap_at_the_terminal_without_loss() {
         let text = "\x1b[1;33mwarning\x1b[0m: 3 meshes of `shoulder` are ignored, since no file of them is found in \
                     any of the folders of the package path\n  = note: give the folder that holds the package by `package_path`\n";
         for width in [30, 40, 79] {
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn a_continuation_stands_below_its_words_and_excerpts_stay_whole() {
+    fn continuations_align_and_excerpts_stay_whole() {
         let note = "  = help: write one number or as many as there are joints\n";
         assert_eq!(
             wrapped(note, 34),

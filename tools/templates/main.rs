@@ -179,7 +179,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_oscillation_starts_at_rest_reaches_its_amplitude_and_comes_back() {
+    fn oscillation_starts_at_rest_and_returns() {
         let mut motion = Oscillation::new(0.4);
         let dt = 1e-3;
         let path: Vec<Setpoint> = (0..1000).map(|_| motion.advance(1.0, dt)).collect();
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn the_velocity_is_the_derivative_of_the_position_even_when_the_frequency_changes() {
+    fn velocity_stays_the_derivative_on_frequency_change() {
         let mut motion = Oscillation::new(0.4);
         let dt = 1e-4;
         let mut last = motion.advance(0.5, dt);
@@ -230,7 +230,7 @@ mod tests {
 
     // The component in a graph of its own, in simulated time: two seconds take a few milliseconds.
     #[test]
-    fn the_commands_start_where_the_robot_was_found_and_move_one_joint() {
+    fn commands_start_at_the_measured_pose_and_move_one_joint() {
         let commands = Probe::<JointCommand>::of("command");
         let controller = Instance::of::<Controller>("controller")
             .trigger("state")

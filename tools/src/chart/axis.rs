@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_fits_its_values_and_shows_zero_only_where_they_come_near_it() {
+    fn axis_fits_values_and_shows_zero_only_nearby() {
         let ends = |values: [f64; 2]| {
             let axis = Axis::values(values.into_iter(), false);
             [axis.low, axis.high]

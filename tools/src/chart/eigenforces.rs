@@ -32,7 +32,7 @@ mod tests {
     use motorium_library::{DAMPING, Metric, SampledSpring, Truncation};
 
     #[test]
-    fn both_axes_name_their_units_and_each_degree_of_freedom_has_a_line() {
+    fn axes_have_units_and_every_freedom_has_a_line() {
         let spring = SampledSpring::new(60, DAMPING).unwrap();
         let known = letters(1, Variation::default(), 1);
         let library = MotionLibrary::build(&known, spring, Metric::Position, Truncation::Rank(3)).unwrap();

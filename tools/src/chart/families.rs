@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn every_curve_has_a_colour_of_its_own_that_can_be_seen_on_a_dark_ground() {
+    fn curve_colours_differ_and_show_on_dark() {
         let rules = on_dark();
         for family in &FAMILIES {
             assert_eq!(family.on_dark.len(), family.colours.len(), "{}", family.title);

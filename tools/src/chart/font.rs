@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_letter_stays_on_the_grid_and_those_of_names_have_strokes_of_their_own() {
+    fn letters_stay_on_the_grid_with_distinct_strokes() {
         let missing: Vec<Vec<[f64; 2]>> = letter('\u{e000}').collect();
         for each in ' '..='~' {
             let strokes: Vec<Vec<[f64; 2]>> = letter(each).collect();

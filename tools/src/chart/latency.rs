@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn every_measurement_is_a_curve_that_rises_and_stays_in_its_frame() {
+    fn measurements_are_rising_curves_within_the_frame() {
         let fast = measured("hop.x", "a < b", (1..5_000).collect());
         let slow = measured("floor.x", "c", (1..5_000).map(|n| n * n).collect());
         let peer = measured("iceoryx2.x", "d", (1..5_000).map(|n| 2 * n).collect());
@@ -264,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_of_thousands_of_durations_is_drawn_by_those_that_can_be_seen_and_ends_at_its_maximum() {
+    fn long_curves_are_thinned_and_keep_their_maximum() {
         let many = measured("hop.x", "a", (0..50_000).map(|n| 20_000 + 3 * n).collect());
         let svg = plot("a machine", &[&many]);
         let curve = &curves(&svg)[0];
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn no_text_leaves_the_picture_or_lies_on_another_however_many_curves_there_are() {
+    fn chart_text_stays_inside_and_never_overlaps() {
         let what =
             "a word and 512 B of plain memory across cores, written and read, at a length nobody expects";
         let all: Vec<Measurement> =
@@ -300,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_changes_its_colour_where_the_reader_prefers_a_dark_ground() {
+    fn curve_colour_follows_the_dark_theme() {
         let svg = plot("a machine", &[&measured("floor.x", "a", (1..50).collect())]);
         assert!(
             svg.contains("prefers-color-scheme:dark") && svg.contains(" class=\"m0\" stroke=\"#000000\"")

@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chart_is_well_formed_and_shows_every_series_in_a_line_of_its_own_kind() {
+    fn chart_is_well_formed_with_distinct_series() {
         let svg = chart(&["one", "two"], 3).svg();
         let parsed = roxmltree::Document::parse(&svg).unwrap();
         let texts: Vec<&str> = parsed.descendants().filter_map(|node| node.text()).collect();

@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_kind_is_named_as_it_is_printed_and_a_mistake_gets_the_nearest() {
+    fn kind_names_are_suggested_on_a_typo() {
         assert_eq!(kind("restarted"), Ok(EventKind::Restarted));
         assert!(kind("restart").unwrap_err().contains("did you mean `restarted`?"));
     }

@@ -176,7 +176,7 @@ fn place(plan: &Plan) -> (Vec<Wire>, Layers, Placement) {
 }
 
 #[test]
-fn a_control_loop_goes_from_left_to_right_and_closes_at_the_robot() {
+fn control_loop_is_drawn_left_to_right() {
     let plan = control_loop();
     let (wires, layers, _) = place(&plan);
     assert_eq!(layers.column_of, [0, 1, 1, 2], "the policy stands beside the sensor, just before its reader");
@@ -188,7 +188,7 @@ fn a_control_loop_goes_from_left_to_right_and_closes_at_the_robot() {
 }
 
 #[test]
-fn nothing_overlaps_and_nothing_leaves_the_page_in_graphs_of_all_shapes() {
+fn graph_drawings_never_overlap_or_leave_the_page() {
     for seed in 0..300 {
         let plan = some_graph(seed);
         let (_, layers, placement) = place(&plan);

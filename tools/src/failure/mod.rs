@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn values_found_and_expected_are_read_from_messages_of_that_form() {
+    fn found_and_expected_values_are_read_from_messages() {
         let of = |message: &str| {
             let (found, expected) = parts(message);
             (found.unwrap_or_default(), expected.unwrap_or_default())

@@ -128,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_gets_the_metrics_whatever_another_one_did_before_it() {
+    fn metrics_client_is_served_after_a_bad_client() {
         let folder = tempfile::tempdir().expect("a folder");
         let server = Server::bind("0".parse().expect("an address")).expect("a free port");
         let address = server.address;

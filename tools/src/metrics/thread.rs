@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thread_that_works_gains_time_and_one_that_is_gone_has_none() {
+    fn busy_thread_gains_time_and_a_dead_one_has_none() {
         let (pid, thread) = (std::process::id(), motorium::os::thread_id() as u32);
         let before = Usage::read(pid, thread).expect("this thread is there");
         let start = std::time::Instant::now();

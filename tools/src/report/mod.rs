@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_in_simulated_time_has_no_latencies_and_no_missed_steps() {
+    fn lockstep_summary_has_no_latencies_or_misses() {
         let text = summary(&large("lockstep", 900));
         for word in ["latency", "late us", "missed", "Hz", "real time", "0.000"] {
             assert!(!text.contains(word), "{word}: {text}");

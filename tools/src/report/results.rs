@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_part_repeats_of_the_whole_is_told_once_and_warnings_have_lines_of_their_own() {
+    fn result_skips_repeated_figures_and_lists_warnings() {
         let task = json!({ "goals_reached": 4, "position_error_m": 0.5, "last_position_error_m": 0.25 });
         let result = json!({ "goals_reached": 4, "position_error_m": 0.75, "tasks": { "hand": task },
                              "warnings": ["the hand is hot", "the foot is cold"] });
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn figures_have_units_values_within_values_have_paths_and_zeros_are_left_out() {
+    fn figures_have_units_and_paths_and_no_zeros() {
         let result = json!({
             "position_error_m": 0.0123, "goals_missed": 0, "goals_reached": 4, "phase": "resting", "none": null,
             "tasks": { "hand": { "angle_rad": 0.5, "refused": 0 } }, "path": [{ "terms": 3 }, { "terms": 5 }],

@@ -122,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn to_look_at_the_newest_living_run_is_meant_unless_another_is_named() {
+    fn newest_living_run_is_chosen_by_default() {
         let runs = [run("c-3", "c", false), run("b-2", "b", true), run("a-1", "a", true)];
         assert_eq!(choose_newest(None, &runs), Ok(1));
         assert_eq!(choose_newest(Some("a"), &runs), Ok(2));

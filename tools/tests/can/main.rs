@@ -23,7 +23,7 @@ fn run(graph: &str, arguments: &[&str]) -> Value {
 }
 
 #[test]
-fn the_arm_follows_its_goals_through_the_buses_nearly_as_well_as_without_them() {
+fn arm_reaches_its_goals_over_can_buses() {
     let with = run("graphs/panda-can-sim.toml", &[]);
     let without = run("graphs/panda-reach.toml", &[]);
     for error in ["position_error_m", "orientation_error_rad"] {
@@ -56,7 +56,7 @@ fn two_runs_are_the_same_to_the_last_bit_also_with_faults() {
 }
 
 #[test]
-fn the_printed_arm_goes_from_pose_to_pose_by_its_servos_twice_the_same() {
+fn printed_arm_repeats_its_poses_exactly() {
     let (one, two) = (run("graphs/so101-sim.toml", &[]), run("graphs/so101-sim.toml", &[]));
     assert!(one["state_hash"].is_string());
     assert_eq!(one["state_hash"], two["state_hash"]);

@@ -50,7 +50,7 @@ fn follows_its_schema(written: &Json) {
 }
 
 #[test]
-fn a_short_run_leaves_every_sample_in_its_file_its_picture_and_the_filled_table() {
+fn short_bench_writes_samples_picture_and_table() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let (json, svg) = (folder.path().join("bench.json"), folder.path().join("bench.svg"));
@@ -141,7 +141,7 @@ fn compares_with_itself_and_with_a_slower_one(written: &Json, folder: &Path) {
 }
 
 #[test]
-fn a_file_that_cannot_be_written_is_told_before_anything_is_measured() {
+fn unwritable_output_is_refused_before_measuring() {
     let output = bench(&["--only", "floor.clock", "--json", "--output", "/nowhere/bench.json"]);
     assert!(!output.status.success());
     let error: Json =

@@ -118,7 +118,7 @@ fn with_fragment(fragment: &str) -> String {
 }
 
 #[test]
-fn every_part_of_a_graph_in_the_book_fits_into_one_that_can_run() {
+fn graph_fragments_of_the_book_check_in_a_whole_graph() {
     let fragments = blocks("toml fragment");
     assert!(fragments.len() >= 4, "there are parts of graphs in the book");
     for (page, fragment) in fragments {
@@ -291,7 +291,7 @@ fn assert_drawn(file: &str, arguments: &[&str]) {
 }
 
 #[test]
-fn the_pictures_of_the_readme_and_of_the_catalogue_are_those_that_the_commands_draw() {
+fn pictures_of_readme_and_catalogue_are_current() {
     assert_drawn("docs/src/images/panda-reach.svg", &["graph", "graphs/panda-reach.toml", "--format", "svg"]);
     let pictures = std::fs::read_dir(workspace().join("docs/src/robots")).expect("a folder").flatten();
     let names: Vec<String> = pictures

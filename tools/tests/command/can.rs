@@ -82,7 +82,7 @@ fn monitor_shows_the_frames_and_the_state_of_a_simulated_bus() {
 }
 
 #[test]
-fn log_and_send_use_a_simulated_bus_as_an_interface_of_the_kernel() {
+fn log_and_send_work_on_a_simulated_bus() {
     let text = offered("log", |bus| {
         let log =
             motorium(&["can", "log", bus, "--for", "20s", "--count", "400"]).spawn().expect("it starts");
@@ -103,7 +103,7 @@ fn log_and_send_use_a_simulated_bus_as_an_interface_of_the_kernel() {
 }
 
 #[test]
-fn a_bus_that_nobody_offers_or_that_is_not_shared_and_a_frame_that_is_none_are_named_with_the_next_step() {
+fn missing_bus_and_bad_frame_errors_name_next_step() {
     for (arguments, words) in [
         (
             &["can", "monitor", "unix:nobody-offers-it"][..],
@@ -121,7 +121,7 @@ fn a_bus_that_nobody_offers_or_that_is_not_shared_and_a_frame_that_is_none_are_n
 }
 
 #[test]
-fn a_graph_without_an_adapter_has_no_buses_to_check_and_that_is_an_error() {
+fn can_check_fails_without_an_adapter() {
     let words = "error: graph `panda-reach` has no component of the kind `can.adapter`";
     assert!(complaint(&["can", "check", "--example", "panda-reach"]).contains(words));
     let output = motorium(&["can", "check", "--example", "panda-reach", "--json"]).output().expect("it runs");
@@ -133,7 +133,7 @@ fn a_graph_without_an_adapter_has_no_buses_to_check_and_that_is_an_error() {
 }
 
 #[test]
-fn scan_asks_no_drive_of_can_fd_where_classic_frames_have_come_or_it_is_not_wanted() {
+fn scan_skips_can_fd_after_classic_frames() {
     let searched = |name: &str, options: &[&str]| {
         let text = offered(name, |bus| {
             let output = motorium(&["can", "scan", bus, "--for", "30ms", "--json"])

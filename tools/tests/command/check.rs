@@ -54,7 +54,7 @@ fn the_reaching_arm_holds_and_is_drawn() {
 }
 
 #[test]
-fn the_memory_of_each_topic_is_printed_and_a_history_adds_to_it() {
+fn topic_memory_is_printed_with_its_history() {
     let bytes = |set: &[&str]| -> u64 {
         let output = run(&[&["check", REACH, "--json"], set].concat());
         let answer: Value = serde_json::from_slice(&output.stdout).expect("JSON");
@@ -114,7 +114,7 @@ fn overheads(folder: &std::path::Path) -> (Value, String) {
 }
 
 #[test]
-fn what_calibrate_saves_is_what_check_counts_with_until_the_machine_is_another() {
+fn check_uses_saved_calibration_of_this_machine() {
     let _machine = machine();
     let folder = tempfile::tempdir().expect("a folder");
     let (cautious, origin) = overheads(folder.path());
@@ -144,7 +144,7 @@ fn what_calibrate_saves_is_what_check_counts_with_until_the_machine_is_another()
 }
 
 #[test]
-fn run_starts_nothing_that_cannot_hold_unless_it_is_forced_and_says_so() {
+fn run_refuses_an_unschedulable_graph_without_force() {
     let _machine = machine();
     let run = |more: &[&str]| {
         run(&[&["run", OVERLOADED, "--for", "300 ms", "--set", "realtime.lost_steps=1"], more].concat())

@@ -24,7 +24,7 @@ fn commands() -> Vec<(String, clap::Command)> {
 }
 
 #[test]
-fn the_help_of_every_command_has_an_example_of_it_and_fits_on_a_few_screens() {
+fn help_has_an_example_and_fits_its_line_limit() {
     for (words, mut command) in commands() {
         let help = command.render_long_help().to_string();
         assert!(help.contains(&format!("Example: motorium {words}")), "{words}: {help}");
@@ -49,7 +49,7 @@ fn every_command_stands_in_the_page_of_the_book() {
 }
 
 #[test]
-fn json_goes_to_standard_output_in_every_command_and_a_file_is_named_by_output() {
+fn json_goes_to_stdout_and_output_names_a_file() {
     for (words, command) in commands() {
         for argument in command.get_arguments() {
             let takes_value = matches!(argument.get_action(), ArgAction::Set | ArgAction::Append);
@@ -66,7 +66,7 @@ fn json_goes_to_standard_output_in_every_command_and_a_file_is_named_by_output()
 }
 
 #[test]
-fn the_table_of_exit_codes_in_the_book_is_what_the_commands_end_with() {
+fn exit_codes_of_the_book_match_the_commands() {
     let page = include_str!("../../../docs/src/safety.md");
     let table =
         page.split("## Exit codes").nth(1).expect("a section").split("\n## ").next().expect("its text");
@@ -173,7 +173,7 @@ fn colours_stay_away_from_pipes_and_come_when_they_are_forced() {
 
 /// Commands whose reader takes one byte, though they print more than a pipe holds.
 #[test]
-fn a_reader_that_has_had_enough_ends_a_command_quietly_and_with_its_own_exit_code() {
+fn closed_pipe_keeps_the_exit_code() {
     let overloaded = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/broken/overloaded.toml");
     let folder = tempfile::tempdir().expect("a folder");
     let letters = folder.path().join("letters.jsonl");
@@ -238,7 +238,7 @@ fn hopeless(words: &str, command: &clap::Command) -> Vec<String> {
 }
 
 #[test]
-fn with_json_every_command_that_fails_prints_one_object_of_the_schema_of_errors() {
+fn json_errors_follow_the_error_schema() {
     let schema = crate::program::json(&["schema", "error"]);
     let validator = jsonschema::validator_for(&schema).expect("a schema");
     let read = |arguments: &[String]| {

@@ -23,7 +23,7 @@ fn picture(path: &Path) {
 }
 
 #[test]
-fn a_coupling_is_trained_kept_and_writes_at_the_pen_speed_it_says() {
+fn coupling_is_trained_saved_and_writes_at_pen_speed() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = |name: &str| folder.path().join(name);
     let (letters, coupling, shown) = (file("letters.jsonl"), file("letters.coupling"), file("stroke.pgm"));

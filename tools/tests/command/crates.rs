@@ -56,7 +56,7 @@ fn behind(package: &str) -> BTreeSet<String> {
 }
 
 #[test]
-fn no_more_crates_stand_behind_the_command_than_the_ceiling_allows() {
+fn command_stays_below_its_crate_ceiling() {
     let crates = behind("motorium-tools");
     assert!(
         crates.len() <= CEILING,
@@ -66,8 +66,7 @@ fn no_more_crates_stand_behind_the_command_than_the_ceiling_allows() {
 }
 
 #[test]
-fn no_more_crates_stand_behind_the_viewer_than_its_ceiling_allows_and_none_of_its_server_behind_the_command()
-{
+fn viewer_stays_below_its_crate_ceiling() {
     let (viewer, command) = (behind("motorium-view"), behind("motorium-tools"));
     assert!(viewer.len() <= VIEWER, "{} crates stand behind the viewer, at most {VIEWER} may", viewer.len());
     for name in ["tokio", "tungstenite", "motorium-view"] {
@@ -124,7 +123,7 @@ fn is_met(expression: &str, allowed: &BTreeSet<String>) -> bool {
 }
 
 #[test]
-fn every_crate_has_a_licence_that_is_allowed_and_no_licence_is_allowed_without_need() {
+fn crate_licences_are_allowed_and_needed() {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../deny.toml")).expect("a file");
     let allowed = toml::from_str::<Deny>(&text).expect("TOML").licenses.allow;
     // As cargo deny does by default: tests may use what is not shipped.
@@ -167,7 +166,7 @@ struct Locked {
 }
 
 #[test]
-fn every_crate_comes_from_the_registry_and_iceoryx2_in_one_version() {
+fn crates_come_from_the_registry_with_one_iceoryx2() {
     let text =
         std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../Cargo.lock")).expect("a file");
     let mut versions: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();

@@ -29,7 +29,7 @@ fn a_goal_out_of_reach_is_missed_and_the_run_is_no_success() {
 }
 
 #[test]
-fn figures_that_are_as_expected_make_a_success_and_others_are_told_with_their_values() {
+fn met_expectations_succeed_and_others_print_values() {
     let met = ["--expect", "controller.position_error_m <= 1e-3", "--expect", "physics.steps == 5000"];
     let (code, report, errors) = reach(&met);
     assert_eq!(code, Some(0), "{errors}");
@@ -44,7 +44,7 @@ fn figures_that_are_as_expected_make_a_success_and_others_are_told_with_their_va
 }
 
 #[test]
-fn an_expectation_of_no_component_and_one_without_a_condition_are_refused_before_anything_starts() {
+fn bad_expectations_are_refused_before_the_start() {
     let (code, _, _) = reach(&["--expect", "controler.goals_missed == 0"]);
     assert_eq!(code, Some(3));
     let output = run(&["check", REACH, "--set", "expect.controler.goals_missed=0"]);

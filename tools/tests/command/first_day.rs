@@ -18,7 +18,7 @@ pub(crate) fn tried(arguments: &[&str]) -> (Option<i32>, String) {
 }
 
 #[test]
-fn a_graph_with_a_mistake_is_refused_with_the_value_and_what_to_try() {
+fn broken_graph_is_refused_with_value_and_advice() {
     for (mistake, words) in [
         // A goal out of reach.
         (
@@ -99,7 +99,7 @@ fn a_wrong_option_is_told_with_the_one_that_was_meant() {
 }
 
 #[test]
-fn limits_in_degrees_are_warned_of_with_the_radians_that_they_are() {
+fn limits_in_degrees_are_reported_in_radians() {
     let folder = tempfile::tempdir().expect("a folder");
     let [urdf, _] = bare_robot(folder.path());
     let text = std::fs::read_to_string(&urdf).expect("it was written");
@@ -157,7 +157,7 @@ pub(crate) fn bare_robot(folder: &Path) -> [String; 2] {
 }
 
 #[test]
-fn a_robot_that_passes_through_tables_is_warned_of_by_every_command_that_meets_it() {
+fn robot_without_shapes_warns_in_every_command() {
     let folder = tempfile::tempdir().expect("a folder");
     let [urdf, graph] = bare_robot(folder.path());
     for arguments in [
@@ -173,7 +173,7 @@ fn a_robot_that_passes_through_tables_is_warned_of_by_every_command_that_meets_i
 }
 
 #[test]
-fn what_a_graph_says_of_a_robot_is_obeyed_by_all_its_components_or_refused_where_it_stands() {
+fn graph_settings_of_a_robot_reach_all_components() {
     let folder = tempfile::tempdir().expect("a folder");
     let [_, graph] = bare_robot(folder.path());
     let output =
@@ -199,7 +199,7 @@ fn what_a_graph_says_of_a_robot_is_obeyed_by_all_its_components_or_refused_where
 }
 
 #[test]
-fn files_of_another_kind_and_recordings_without_a_time_are_told_as_such() {
+fn wrong_files_and_untimed_recordings_are_reported() {
     let folder = tempfile::tempdir().expect("a folder");
     let letters = file(folder.path(), "letters.jsonl", "{\"duration\": 1.0, \"x\": [0, 1, 2]}\n");
     let untimed = file(folder.path(), "untimed.csv", "x,y\n0,0\n1,2\n2,3\n3,4\n");
@@ -316,7 +316,7 @@ fn robots_of_seen_meshes(folder: &Path) -> [String; 2] {
 }
 
 #[test]
-fn a_missing_mesh_that_is_only_seen_is_warned_of_once_and_one_that_is_there_is_not() {
+fn missing_visual_mesh_warns_once() {
     let folder = tempfile::tempdir().expect("a folder");
     let robots = robots_of_seen_meshes(folder.path());
     let seen = "visual of link \"arm\": mesh \"seen.stl\" not found";

@@ -22,7 +22,7 @@ fn text<'v>(value: &'v Value, key: &str) -> &'v str {
 }
 
 #[test]
-fn every_kind_declares_itself_with_its_own_example_and_has_a_page() {
+fn every_kind_declares_its_example_and_has_a_page() {
     for sheet in sheets() {
         let kind = text(&sheet, "kind");
         let refused = !sheet["refused"].is_null() && !lacks_its_library(&sheet);
@@ -54,7 +54,7 @@ fn every_example_fits_into_a_graph_whose_topics_others_write() {
 }
 
 #[test]
-fn a_kind_is_described_in_80_columns_with_units_ranges_defaults_and_an_example() {
+fn kind_description_fits_80_columns() {
     let sheet = printed(&["kinds", "control.qp"]);
     for expected in [
         "page of the book: kinds/control-qp.md",

@@ -65,7 +65,7 @@ fn a_recording_becomes_a_primitive_that_goes_elsewhere() {
 }
 
 #[test]
-fn several_recordings_become_a_distribution_that_passes_a_place() {
+fn several_recordings_give_a_conditioned_distribution() {
     let folder = tempfile::tempdir().expect("a folder");
     let model = folder.path().join("model.json");
     let mut arguments = vec!["primitive".to_string(), "fit".into(), "--model".into(), "probabilistic".into()];
@@ -170,7 +170,7 @@ fn what_cannot_be_read_or_run_is_refused_in_words() {
 }
 
 #[test]
-fn kernelised_and_polynomial_primitives_are_fitted_shown_bent_and_replayed() {
+fn kernelised_and_polynomial_primitives_round_trip() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = |name: &str| folder.path().join(name);
     let shown: Vec<std::path::PathBuf> =

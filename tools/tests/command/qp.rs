@@ -10,7 +10,7 @@ const PROBLEMS: &str = r#"[
 ]"#;
 
 #[test]
-fn recorded_problems_are_solved_by_each_solver_and_the_impossible_one_is_named() {
+fn solvers_solve_recorded_problems_and_name_infeasible() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("problems.json");
     std::fs::write(&path, PROBLEMS).expect("the folder takes files");

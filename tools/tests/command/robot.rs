@@ -245,7 +245,7 @@ fn results_that_do_not_hold_are_named() {
 }
 
 #[test]
-fn states_may_name_joints_leave_out_what_rests_and_choose_their_order() {
+fn states_may_name_omit_and_reorder_joints() {
     let folder = tempfile::tempdir().expect("a folder");
     let eval = |robot: &str, states: Value, more: &[&str]| {
         let file = write(folder.path(), "states.json", &states.to_string());

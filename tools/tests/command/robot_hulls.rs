@@ -61,7 +61,7 @@ fn loaded(file: &str) -> Model {
 }
 
 #[test]
-fn a_link_that_only_its_visual_shows_gets_a_hull_or_parts_that_leave_its_hollow_free() {
+fn visual_only_link_gets_a_hull_or_parts() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = robot(folder.path());
     assert!(loaded(&file).bodies()[0].shapes.is_empty(), "nothing collides before");
@@ -81,7 +81,7 @@ fn a_link_that_only_its_visual_shows_gets_a_hull_or_parts_that_leave_its_hollow_
 }
 
 #[test]
-fn meshes_that_are_nowhere_are_named_and_robots_without_meshes_are_refused() {
+fn missing_meshes_are_named_and_required() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = robot(folder.path());
     let out = folder.path().join("out");
@@ -98,7 +98,7 @@ fn meshes_that_are_nowhere_are_named_and_robots_without_meshes_are_refused() {
 }
 
 #[test]
-fn the_parts_of_an_angle_take_its_volume_and_its_hull_takes_more() {
+fn angle_parts_keep_the_volume_and_its_hull_exceeds_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("angle.obj");
     std::fs::write(&file, angle()).expect("written");

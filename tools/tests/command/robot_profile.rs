@@ -76,7 +76,7 @@ impl Folder {
 }
 
 #[test]
-fn a_robot_of_which_only_the_file_is_known_holds_the_pose_of_its_first_profile() {
+fn bare_robot_holds_the_pose_of_its_first_profile() {
     for robot in [
         "robots/catalogue/iiwa14/iiwa14.urdf",
         "robots/catalogue/ur5e/ur5e.urdf",
@@ -112,7 +112,7 @@ fn a_robot_of_which_only_the_file_is_known_holds_the_pose_of_its_first_profile()
 }
 
 #[test]
-fn a_first_profile_names_the_tip_and_stays_away_from_the_stretched_arm() {
+fn first_profile_has_a_tip_and_a_bent_arm() {
     let text = printed(&["robot", "profile", "ur5e"]);
     assert!(text.contains("frame  = \"tool0\""), "{text}");
     let profile = motorium_robots::Profile::parse(&text).expect("a profile");
@@ -139,7 +139,7 @@ fn an_edited_profile_is_not_overwritten() {
 }
 
 #[test]
-fn a_profile_that_is_missing_or_of_another_robot_is_shown_where_the_graph_names_it() {
+fn bad_profile_is_reported_at_its_place_in_the_graph() {
     let folder = Folder::new("robots/catalogue/iiwa14/iiwa14.urdf");
     std::fs::create_dir(folder.path("lab")).expect("a folder");
     let graph = folder.graph();

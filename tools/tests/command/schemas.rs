@@ -38,7 +38,7 @@ fn the_schema_of_errors_is_current() {
 }
 
 #[test]
-fn the_schema_of_graph_files_knows_the_configuration_of_every_built_in_kind() {
+fn graph_schema_has_every_kinds_configuration() {
     let schema = crate::program::json(&["schema"]);
     let kinds = schema["definitions"]["Component"]["properties"]["kind"]["oneOf"].as_array().expect("kinds");
     let names: Vec<_> = kinds.iter().filter_map(|kind| kind["const"].as_str()).collect();

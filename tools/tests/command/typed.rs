@@ -22,7 +22,7 @@ fn a_time_that_is_none_is_told_by_the_option_that_was_typed() {
 }
 
 #[test]
-fn what_a_run_is_asked_for_and_cannot_be_is_told_by_its_option_before_anything_starts() {
+fn unsupported_run_options_are_refused_at_start() {
     let folder = tempfile::tempdir().expect("a folder");
     let within = folder.path().to_str().expect("a plain path");
     let lockstep = ["run", REACH, "--clock", "lockstep"];
@@ -53,7 +53,7 @@ fn the_first_part_of_a_kind_lists_the_kinds_that_begin_with_it() {
 }
 
 #[test]
-fn a_graph_on_standard_input_is_read_with_its_paths_relative_to_the_current_folder() {
+fn graph_from_stdin_resolves_paths_from_current_folder() {
     let folder = tempfile::tempdir().expect("a folder");
     let [_, graph] = bare_robot(folder.path());
     let checked = |text: &str| {
@@ -75,7 +75,7 @@ fn a_graph_on_standard_input_is_read_with_its_paths_relative_to_the_current_fold
 }
 
 #[test]
-fn a_graph_on_standard_input_is_refused_by_commands_that_would_read_it_more_than_once() {
+fn graph_from_stdin_is_refused_if_read_twice() {
     let folder = tempfile::tempdir().expect("a folder");
     let [_, graph] = bare_robot(folder.path());
     for command in [&["bench", "recording", "-"][..], &["bench", "kill", "-"], &["view", "-"]] {
@@ -89,7 +89,7 @@ fn a_graph_on_standard_input_is_refused_by_commands_that_would_read_it_more_than
 }
 
 #[test]
-fn a_file_of_another_kind_is_told_in_a_few_errors_and_a_name_that_is_no_text_in_one() {
+fn wrong_file_types_give_few_errors() {
     let folder = tempfile::tempdir().expect("a folder");
     let lines: String = (0..40).map(|line| format!("user{line}:x:{line}:/bin/sh\n")).collect();
     let (code, errors) = tried(&["check", &file(folder.path(), "passwd", &lines)]);
@@ -106,7 +106,7 @@ fn a_file_of_another_kind_is_told_in_a_few_errors_and_a_name_that_is_no_text_in_
 }
 
 #[test]
-fn a_recording_that_is_missing_or_is_none_is_told_in_one_sentence_by_every_command_that_reads_one() {
+fn bad_recordings_give_one_sentence_in_every_command() {
     let folder = tempfile::tempdir().expect("a folder");
     let missing = folder.path().join("nowhere.mcap");
     let within = folder.path().join("folder.mcap");

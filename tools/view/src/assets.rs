@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mesh_is_found_by_its_package_and_beside_the_file_of_its_robot() {
+    fn meshes_resolve_by_package_and_by_folder() {
         let (_folder, assets) = robot();
         for uri in ["package://arm/meshes/hand.stl", "../meshes/hand.stl"] {
             assert_eq!(assets.fetch(uri).unwrap(), b"solid", "{uri}");

@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn where_five_rounds_are_too_slow_more_are_taken_before_it_fails() {
+    fn slow_ratchet_rounds_are_repeated_before_failing() {
         let noise = measured(1.8, &[2.0, 2.0, 2.0, 1.1, 1.1, 1.1, 1.2]);
         assert!(noise.held && noise.rounds.len() == 7, "{noise:?}");
         let slow = measured(1.8, &[2.0; 9]);
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ratio_is_of_the_wanted_percentile_to_the_median_of_the_floor() {
+    fn ratio_is_percentile_to_median_of_floor() {
         let ours = Distribution::of((1..=1_000).collect());
         let floor = Distribution::of(vec![50; 10]);
         assert_eq!((ratio(&ours, &floor, 0.5), ratio(&ours, &floor, 0.9)), (10.0, 18.0));

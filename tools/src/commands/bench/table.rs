@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_shows_every_percentile_up_to_the_maximum_and_what_the_host_took() {
+    fn row_shows_percentiles_maximum_and_stolen_time() {
         let row = row(&measured("hop.x", 1_234), 1);
         let words: Vec<&str> = row.split_whitespace().collect();
         assert_eq!(words[..6], ["hop.x", "1.234", "1.234", "1.234", "12346", "10"]);
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_says_plainly_which_targets_are_met_missed_and_not_measured() {
+    fn target_table_shows_met_missed_and_unmeasured() {
         let measurements = vec![
             measured("hop.blocking.same.512", 4_000),
             measured("floor.futex.same", 2_000),

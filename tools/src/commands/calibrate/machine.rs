@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_worker_takes_is_told_apart_from_the_hand_over_and_from_the_timer() {
+    fn worker_overhead_is_separate_from_hop_and_timer() {
         let graph = [
             beside(Released::Clock, 28, 55),
             beside(Released::SameCore, 7, 13),
@@ -157,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn where_nothing_is_triggered_the_sum_of_both_is_still_what_was_measured() {
+    fn split_sums_match_the_total_without_triggers() {
         let (worker, timer) = split(&[beside(Released::Clock, 28, 55)], [3_000, 5_000]);
         assert_eq!((worker, worker + timer), (Overheads::CAUTIOUS.worker_ns, 55_000));
         assert_eq!(split(&[beside(Released::Clock, 2, 5)], [3_000, 5_000]), (5_000, 0));

@@ -271,7 +271,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_drive_whose_watchdog_is_off_is_told_from_one_that_did_not_tell() {
+    fn disabled_watchdog_differs_from_unreported_one() {
         let of = |watchdog_ns| {
             words(&DeviceKind::Damiao { master: 0x11, watchdog_ns, ranges: [Some(12.5), None, Some(10.0)] })
         };

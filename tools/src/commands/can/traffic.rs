@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn rates_ages_loads_and_errors_are_those_of_the_time_since_the_last_table() {
+    fn top_shows_figures_since_the_last_table() {
         let mut traffic = Traffic::default();
         traffic.follow("can0", Some(Rates { nominal: 1_000_000, fast: 1_000_000 }));
         for k in 0..100 {

@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_clock_source_is_told_with_the_way_back_to_the_fast_one() {
+    fn slow_clock_source_comes_with_a_fix() {
         assert_eq!(check_clock_source("tsc", "tsc hpet").verdict, Verdict::Pass);
         let finding = check_clock_source("hpet", "hpet tsc acpi_pm");
         assert_eq!(finding.verdict, Verdict::Warn);

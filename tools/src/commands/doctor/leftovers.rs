@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn objects_of_a_run_that_somebody_holds_are_known_although_its_folder_is_not_seen() {
+    fn held_objects_are_known_without_their_run_folder() {
         let folder = tempfile::tempdir().unwrap();
         let lock = folder.path().join("mt_reach-1_lock");
         let held_by_us = motorium::os::Lock::hold(&lock).unwrap();
@@ -215,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_of_runs_that_others_could_reach_into_makes_a_machine_unfit() {
+    fn accessible_run_folder_fails_the_doctor() {
         let open = RunFolderError::NotPrivate {
             path: "/dev/shm/motorium-7".into(),
             found: "open to other users (mode 777)".into(),

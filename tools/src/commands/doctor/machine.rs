@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn without_isolation_the_last_core_is_proposed_as_graphs_choose_it_too() {
+    fn doctor_proposes_the_last_core_without_isolation() {
         let finding = check_cores(&[0, 1, 2, 3], &[], &[]);
         assert_eq!(finding.verdict, Verdict::Warn);
         assert_eq!(finding.fix.unwrap(), "boot with isolcpus=3 nohz_full=3 rcu_nocbs=3 irqaffinity=0");
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn deep_idle_states_are_a_warning_unless_they_are_forbidden_or_graphs_may_forbid_them() {
+    fn deep_idle_states_warn_unless_forbidden() {
         let states = [("POLL", 0), ("C1", 2), ("C6", 133)]
             .map(|(name, latency_us)| IdleState { name: name.into(), latency_us });
         let free = check_idle(&states, Some(2_000_000_000), false);

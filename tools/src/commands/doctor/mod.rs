@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn an_examination_has_a_finding_for_every_thing_a_real_time_machine_needs() {
+    fn doctor_examines_every_requirement() {
         let examination = examine(Duration::from_millis(20), false);
         let names: Vec<_> = examination.findings.iter().map(|finding| finding.name).collect();
         for expected in [

@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn low_limits_are_a_warning_unless_a_capability_passes_over_them() {
+    fn low_limits_warn_unless_a_capability_overrides() {
         let limits = Limits { priority: Some(0), memory: Some(8 << 20), files: Some(20_000) };
         let user = check_limits(&limits, 0);
         assert_eq!(user.verdict, Verdict::Warn);
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn a_denied_priority_says_whether_the_user_or_the_control_group_is_at_fault() {
+    fn denied_priority_names_user_or_control_group() {
         let denied = Err("Operation not permitted".to_string());
         let user = check_fifo(&denied, false);
         assert_eq!(user.verdict, Verdict::Fail);

@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_within_tables_lists_and_names_have_paths_and_types_in_words() {
+    fn nested_keys_have_paths_and_readable_types() {
         let schema = json!({ "$ref": "#/definitions/Config" });
         let definitions = json!({
             "Config": { "type": "object", "required": ["goals"], "properties": {

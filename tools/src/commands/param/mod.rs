@@ -261,7 +261,7 @@ mod tests {
     }
 
     #[test]
-    fn several_parameters_are_written_with_an_equals_sign_and_one_may_be_without() {
+    fn parameters_are_set_by_assignments_or_a_pair() {
         let owned = |texts: &[&str]| -> Vec<String> { texts.iter().map(ToString::to_string).collect() };
         let one = owned(&["policy.speed", "-1"]);
         assert_eq!(assignments(&one).unwrap(), [("policy.speed", "-1")]);

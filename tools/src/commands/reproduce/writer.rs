@@ -147,7 +147,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_part_that_is_done_is_not_done_again_unless_the_options_or_the_files_are_others() {
+    fn finished_parts_are_reused_with_equal_options() {
         let folder = tempfile::tempdir().unwrap();
         let run = |of: i32, restart: bool| {
             let path = folder.path().to_path_buf();

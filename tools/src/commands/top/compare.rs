@@ -217,7 +217,7 @@ mod tests {
     use crate::metrics::fixture::silent_run;
 
     #[test]
-    fn the_percentiles_of_the_interval_are_those_of_what_was_recorded_in_it() {
+    fn interval_percentiles_match_its_samples() {
         let folder = tempfile::tempdir().expect("a folder");
         let run = silent_run(folder.path());
         let block = &run.region.components()[2];

@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_stand_under_one_another_and_groups_over_their_columns() {
+    fn table_numbers_align_and_groups_span_columns() {
         let expected = [
             "         time us",
             "name    p50   max      n",

@@ -112,7 +112,7 @@ mod tests {
     use super::Count;
 
     #[test]
-    fn the_rate_is_taken_between_publications_and_not_between_looks() {
+    fn rate_is_measured_between_publications() {
         let count = |published, last_ns| Count { published, last_ns };
         assert_eq!(count(510, 1_500_000_000).rate_since(count(10, 1_000_000_000)), Some(1000.0));
         assert_eq!(count(10, 7).rate_since(count(10, 7)), None, "nothing came meanwhile");

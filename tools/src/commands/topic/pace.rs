@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rate_is_that_of_the_publisher_even_when_samples_are_lost() {
+    fn lost_samples_do_not_change_the_measured_rate() {
         // 1 kHz, of which every third sample is caught
         let stamps: Vec<_> = (0..100).map(|i| (1 + 3 * i, 5_000_000 + 3_000_000 * i, 0)).collect();
         let (pace, intervals) = pace(&stamps);
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn intervals_are_measured_only_between_samples_that_follow_one_another() {
+    fn intervals_need_consecutive_samples() {
         let (pace, intervals) = pace(&[(1, 0, 0), (2, 1_000, 0), (5, 9_000, 0), (6, 10_100, 0)]);
         assert_eq!(intervals, [1_000, 1_100], "the gap of 8000 ns is no interval");
         assert_eq!(pace.lost(), 2);

@@ -162,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tool_gives_way_along_the_push_as_far_as_the_spring_lets_it() {
+    fn tool_yields_along_the_push_by_the_spring() {
         let targets = Probe::<PoseTarget>::of("arm/target");
         let admittance = Instance::of::<Admittance>("admittance")
             .rate("1 kHz")

@@ -31,7 +31,7 @@ mod admittance {
 }
 
 #[test]
-fn the_component_of_the_book_is_the_one_that_is_tested_and_the_readme_shows_its_step() {
+fn book_and_readme_show_the_tested_component() {
     let code = read("tools/tests/command/book/circle.rs");
     let shown = |page: &str| -> Vec<String> {
         let path = workspace().join(page);
@@ -44,7 +44,7 @@ fn the_component_of_the_book_is_the_one_that_is_tested_and_the_readme_shows_its_
 }
 
 #[test]
-fn the_component_of_the_book_moves_the_end_effector_along_its_circle() {
+fn book_component_moves_along_its_circle() {
     let set = ["clock=lockstep", "duration=4 s"];
     let report = run_with(circle::kind(), "toml circle", "circle", &set);
     let error = report.results["controller"]["tasks"]["cartesian"]["last_position_error_m"].as_f64();
@@ -72,7 +72,7 @@ fn run_with(kind: Kind, block: &str, program: &str, set: &[&str]) -> Report {
 }
 
 #[test]
-fn the_component_with_a_robot_in_it_is_the_one_that_is_tested_and_gives_way_in_its_graph() {
+fn admittance_of_the_book_is_tested_and_yields() {
     let page = read("docs/src/robot-component.md");
     assert!(
         page.contains(&read("tools/tests/command/book/admittance.rs")),

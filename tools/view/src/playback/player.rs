@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn to_play_at_the_end_plays_from_the_start_and_places_beyond_the_ends_are_the_ends() {
+    fn play_at_the_end_restarts_and_seeks_are_clamped() {
         let mut player = player();
         player.set(false, 1.0, Some(START + 99 * SECOND));
         assert_eq!(player.step(Duration::ZERO).to_ns, START + 10 * SECOND);

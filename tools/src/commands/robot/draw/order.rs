@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn faces_that_cross_are_cut_and_whatever_is_painted_last_is_nearest() {
+    fn crossing_faces_are_cut_and_painted_back_to_front() {
         let eye = Vector3::new(0.8, -0.5, 0.4).normalize();
         let mut faces = Vec::new();
         for index in 0..24 {

@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn every_face_looks_outward_and_together_they_enclose_the_volume() {
+    fn faces_look_outward_and_enclose_the_volume() {
         let cases = [
             (Geometry::Box { size: Vector3::new(0.2, 0.3, 0.4) }, 0.024),
             (Geometry::Cylinder { radius: 0.1, length: 0.5 }, PI * 0.005),
@@ -283,7 +283,7 @@ mod tests {
         }
     }
     #[test]
-    fn a_mesh_is_drawn_as_its_hull_and_one_that_is_not_there_is_not() {
+    fn existing_meshes_are_drawn_as_hulls() {
         // A tetrahedron with a corner inside of it, twice as high as in the file.
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("part.obj");
