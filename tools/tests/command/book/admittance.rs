@@ -43,7 +43,8 @@ pub struct Admittance {
     sensor: FrameId,
     tool: FrameId,
     spring: Spring,
-    /// Pose of the tool at the start, and the first reading in world axes: the weight that the sensor carries.
+    /// Pose of the tool at the start, and the first reading in world axes: the weight that the sensor
+    /// carries.
     start: Option<(Isometry3<f64>, Vector3<f64>)>,
 }
 
@@ -116,7 +117,7 @@ impl Component for Admittance {
             return Ok(());
         };
         if state.count() != self.model.nq() {
-            return Err(StepError::failed("the joint state is that of another robot"));
+            return Err(StepError::failed("the joint state belongs to another robot"));
         }
         self.kinematics.update(&self.model, state.position());
         let tool = self.kinematics.pose(&self.model, self.tool);
@@ -153,7 +154,8 @@ mod tests {
         })
     }
 
-    /// A sensor that carries a hand of 7 N, which is pushed with 10 N along y of the world after half a second.
+    /// A sensor that carries a hand of 7 N, which is pushed with 10 N along y of the world after half a
+    /// second.
     fn wrist() -> Source {
         Source::new("wrist", "arm/wrench", |tick| {
             let push = if tick.time_ns < 500_000_000 { 0.0 } else { 10.0 };
