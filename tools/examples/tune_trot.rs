@@ -1,8 +1,9 @@
 //! Tunes the trot of the quadruped: frequency, amplitude, duty factor and the phase of the knees.
 //!
-//! The search draws a generation of gaits; sessions hosted inline, one on each core, try them: each takes the place of the
-//! policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and looks how far the base went. What
-//! a gait reaches does not depend on the core that tries it, nor on what was tried there before.
+//! The search draws a generation of gaits; sessions hosted inline, one on each core, try them: each takes the
+//! place of the policy of `graphs/quadruped-trot.toml`, publishes the joint commands of its gait, and looks
+//! how far the base went. What a gait reaches does not depend on the core that tries it, nor on what was
+//! tried there before.
 //!
 //! ```console
 //! $ cargo run --release --example tune_trot -- --episodes 200
@@ -78,7 +79,8 @@ impl Gait {
         Self { frequency, amplitude, duty, phase }
     }
 
-    /// The phase of a foot that has done `turns` strides: 0 to pi while it stands, pi to 2 pi while it swings.
+    /// The phase of a foot that has done `turns` strides: 0 to pi while it stands, pi to 2 pi while it
+    /// swings.
     fn warped(&self, turns: f64) -> f64 {
         let share = turns.rem_euclid(1.0);
         if share < self.duty {
@@ -173,7 +175,8 @@ impl Legs {
     }
 }
 
-/// Tries a gait in a session from its start; how far the base went forwards, m. A robot that falls has gone nowhere.
+/// Tries a gait in a session from its start; how far the base went forwards, m. A robot that falls has gone
+/// nowhere.
 fn distance(session: &mut Session<'_>, legs: &Legs, gait: &Gait, seconds: f64) -> anyhow::Result<f64> {
     session.reset(session.plan().seed)?;
     let mut command = JointCommand::default();
@@ -205,8 +208,9 @@ struct Trial<'a> {
 type Place = (usize, usize);
 
 impl Trial<'_> {
-    /// Tries the generations that `ask` gives, until one is empty, and tells the distances of each in order, m. The next
-    /// generation is always asked for before a generation is told, so that no core waits for the last gait of one.
+    /// Evaluates the generations that `ask` returns, until one is empty, and passes the distances of each in
+    /// order to `tell`, m. The next generation is always requested before the previous one is reported, so that
+    /// no core waits for the last gait.
     fn run(
         &self,
         mut ask: impl FnMut() -> Vec<Vec<f64>>,

@@ -32,7 +32,8 @@ pub fn command() -> clap::Command {
     numeric(<commands::Cli as clap::CommandFactory>::command())
 }
 
-/// A command to whose options a negative number is a value, which each of them takes or refuses in words of its own.
+/// A command to whose options a negative number is a value, which each of them takes or refuses in words of
+/// its own.
 fn numeric(command: clap::Command) -> clap::Command {
     command.allow_negative_numbers(true).mut_subcommands(numeric)
 }

@@ -1,5 +1,6 @@
-//! Standard output and standard error, written so that a closed pipe is not an error: `motorium library evaluate | head`
-//! ends quietly with the exit code that it would have had, and `motorium run 2>&1 | head` goes on running its robot.
+//! Standard output and standard error, written so that a closed pipe is not an error: `motorium library
+//! evaluate | head` ends quietly with the exit code that it would have had, and `motorium run 2>&1 | head`
+//! keeps running its robot.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Result, Write as _};
@@ -28,8 +29,8 @@ macro_rules! err {
 
 pub(crate) use {err, errln, out, outln};
 
-/// Prints to standard output, without colours where it is not a terminal. A closed pipe is ignored; any other failure ends
-/// the program with exit code 1.
+/// Prints to standard output, without colours where it is not a terminal. A closed pipe is ignored; any other
+/// failure ends the program with exit code 1.
 pub(crate) fn print(text: Arguments<'_>) {
     if let Err(error) = written(anstream::stdout().lock().write_fmt(text)) {
         errln!("{}: writing to standard output: {error}", crate::style::error("error"));
@@ -37,8 +38,8 @@ pub(crate) fn print(text: Arguments<'_>) {
     }
 }
 
-/// Prints to standard error, without colours where it is not a terminal, and broken between words where that is narrow.
-/// Failures are ignored.
+/// Prints to standard error, without colours where it is not a terminal, and broken between words where that
+/// is narrow. Failures are ignored.
 pub(crate) fn print_error(text: Arguments<'_>) {
     let mut stream = anstream::stderr().lock();
     let _ = match crate::wrap::width() {

@@ -1,8 +1,8 @@
 //! Printing of a run's events on a thread of its own.
 //!
-//! A terminal that was stopped with Ctrl-S, a pager that nobody scrolls and a pipe that nobody reads hold up whatever
-//! prints to them. The launcher must not wait for them: it supervises a robot. Events go through a queue; what finds no
-//! room there is dropped, counted and told.
+//! A terminal that was stopped with Ctrl-S, a pager that nobody scrolls and a pipe that nobody reads hold up
+//! whatever prints to them. The launcher must not wait for them: it supervises a robot. Events go through a
+//! queue; what finds no room there is dropped, counted and reported.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -91,7 +91,7 @@ impl Printer {
                     }
                 }
             }
-            // The terminal is as it was before the end is told.
+            // Restores the terminal before the end is printed.
             drop(sink);
             drop(end);
         });

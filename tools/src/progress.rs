@@ -3,54 +3,56 @@
 use motorium::launcher::{ComponentStatus, Status};
 use motorium::region::{Misses, Phase};
 
-/// Components whose changes are told in a line; the rest are counted.
-const TOLD: usize = 3;
+/// Components whose changes are printed in a line; the rest are counted.
+const MAX_REPORTED: usize = 3;
 
-/// What was told of the components last.
+/// The last printed state of the components.
 #[derive(Debug, Default)]
 pub(crate) struct Progress {
-    told: Vec<Told>,
+    reported: Vec<Reported>,
 }
 
 #[derive(Debug, Clone, Copy, Default)]
-struct Told {
+struct Reported {
     misses: Misses,
     restarts: u64,
     safe: bool,
 }
 
 impl Progress {
-    /// The line of a state: the components that missed steps, were restarted, or entered or left their safe state.
+    /// The line of a state: the components that missed steps, were restarted, or entered or left their safe
+    /// state.
     pub(crate) fn line(&mut self, status: &Status) -> String {
-        let mut first = self.told.is_empty();
-        if self.told.len() != status.components.len() {
-            (self.told, first) = (vec![Told::default(); status.components.len()], true);
+        let mut first = self.reported.is_empty();
+        if self.reported.len() != status.components.len() {
+            (self.reported, first) = (vec![Reported::default(); status.components.len()], true);
         }
         let changes: Vec<String> = status
             .components
             .iter()
-            .zip(&mut self.told)
-            .filter_map(|(component, told)| change(component, told, first))
+            .zip(&mut self.reported)
+            .filter_map(|(component, reported)| change(component, reported, first))
             .collect();
         let running = status.components.iter().filter(|component| component.phase == Phase::Running).count();
         let (all, seconds) = (status.components.len(), status.elapsed_ns as f64 * 1e-9);
-        let told = match changes.len() {
+        let reported = match changes.len() {
             0 if running == all => format!("{all} components run"),
             0 => format!("{running} of {all} components run"),
-            count if count > TOLD => {
-                format!("{}; {} others, too", changes[..TOLD].join("; "), count - TOLD)
+            count if count > MAX_REPORTED => {
+                format!("{}; {} others, too", changes[..MAX_REPORTED].join("; "), count - MAX_REPORTED)
             }
             _ => changes.join("; "),
         };
-        format!("{seconds:5.1} s  {told}")
+        format!("{seconds:5.1} s  {reported}")
     }
 }
 
-/// The changes of a component, which are told from now on. A safe state at the `first` line is how a run begins.
-fn change(component: &ComponentStatus, told: &mut Told, first: bool) -> Option<String> {
+/// Returns the changes of a component and remembers its state. Every run begins in a safe state, which the
+/// `first` line omits.
+fn change(component: &ComponentStatus, reported: &mut Reported, first: bool) -> Option<String> {
     let ComponentStatus { report, safe, .. } = component;
-    let now = Told { misses: report.misses, restarts: report.restarts.into(), safe: *safe };
-    let before = std::mem::replace(told, now);
+    let now = Reported { misses: report.misses, restarts: report.restarts.into(), safe: *safe };
+    let before = std::mem::replace(reported, now);
     let mut changes = Vec::new();
     let missed = since(&now.misses, &before.misses);
     if missed.missed() > 0 {

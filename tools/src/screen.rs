@@ -15,7 +15,8 @@ use crate::progress::{Progress, causes};
 use crate::report::microseconds;
 use crate::wrap::wrapped;
 
-/// True if standard error is a terminal that can be drawn on: one with a size, which a serial console has not.
+/// True if standard error is a terminal that can be drawn on: one with a size, which a serial console has
+/// not.
 pub(crate) fn is_drawable() -> bool {
     let is_dumb = std::env::var_os("TERM").is_none_or(|name| name == "dumb");
     let has_size = ratatui::crossterm::terminal::size().is_ok_and(|(width, height)| width > 0 && height > 0);

@@ -14,10 +14,11 @@ pub(crate) fn width() -> Option<usize> {
     Some(usize::from(columns)).filter(|columns| *columns >= NARROWEST)
 }
 
-/// The text with every line that is longer than `width` broken between words; what follows a break is indented.
+/// The text with every line that is longer than `width` broken between words; what follows a break is
+/// indented.
 ///
-/// Excerpts of files (`12 | gain = 1`), text that moves the cursor and words without blanks stay whole. Colours take no
-/// room.
+/// Excerpts of files (`12 | gain = 1`), text that moves the cursor and words without blanks stay whole.
+/// Colours take no room.
 pub(crate) fn wrapped(text: &str, width: usize) -> String {
     if text.contains('\r') {
         return text.to_string();

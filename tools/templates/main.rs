@@ -1,5 +1,5 @@
-//! A motorium component: moves one joint of a robot back and forth, smoothly, at a frequency that may be changed while
-//! it runs.
+//! A motorium component: moves one joint of a robot back and forth, smoothly, at a frequency that may be
+//! changed while it runs.
 //!
 //! The motion is [`Oscillation`], a plain calculation with tests; [`Controller`] makes it a component.
 
@@ -68,7 +68,7 @@ impl Oscillation {
         Self { amplitude, phase: 0.0 }
     }
 
-    /// Moves on by `dt` seconds. The frequency (Hz) may change at any time: the phase goes on from where it is.
+    /// Advances by `dt` seconds. The frequency (Hz) may change at any time: the phase stays continuous.
     fn advance(&mut self, frequency: f64, dt: f64) -> Setpoint {
         let rate = std::f64::consts::TAU * frequency;
         self.phase = (self.phase + rate * dt) % std::f64::consts::TAU;

@@ -4,8 +4,8 @@ use motorium_library::MotionLibrary;
 
 use super::{Chart, Series};
 
-/// Units of the forces of a library: its time is normalised, and the acceleration of `y'' = K (g - y) - D y' + f` that of the
-/// positions it was built from.
+/// Units of the forces of a library: its time is normalised, and the acceleration of `y'' = K (g - y) - D y'
+/// + f` the same as the positions it was built from.
 const FORCE: &str = "force of weight 1, position units / duration^2";
 
 /// Chart of some eigenforces, counted from 0; those that the library has not are left out.

@@ -5,7 +5,8 @@ pub(super) const ADVANCE: f64 = 5.6;
 /// Row of the line that letters stand on, in the same units.
 pub(super) const BASE: f64 = 6.0;
 
-/// The strokes of a letter as points of the grid, column from 0 to 4 and row from 0, the top of a capital letter, to 8.
+/// The strokes of a letter as points of the grid, column from 0 to 4 and row from 0, the top of a capital
+/// letter, to 8.
 pub(super) fn letter(letter: char) -> impl Iterator<Item = Vec<[f64; 2]>> {
     let point = |digits: &[u8]| [f64::from(digits[0] - b'0'), f64::from(digits[1] - b'0')];
     strokes(letter)

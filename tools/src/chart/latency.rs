@@ -99,8 +99,9 @@ impl Frame {
     }
 }
 
-/// Draws the curves of some measurements, made on this machine. The horizontal axis counts nines: 90 %, 99 %, 99.9 %
-/// are equally far apart. A curve ends at its longest sample, above the percentile that its number of samples reaches.
+/// Draws the curves of some measurements, made on this machine. The horizontal axis counts nines: 90 %, 99 %,
+/// 99.9 % are equally far apart. A curve ends at its longest sample, above the percentile that its number of
+/// samples reaches.
 pub(crate) fn plot(machine: &str, measurements: &[&Measurement]) -> String {
     // of a peer that keeps its samples to itself there is no curve
     let has_curve = |measurement: &&&Measurement| !measurement.ns.buckets.is_empty();

@@ -1,4 +1,5 @@
-//! Charts as SVG and PNG: lines with errors, panels over time, paths in tiles, and latencies against percentiles.
+//! Charts as SVG and PNG: lines with errors, panels over time, paths in tiles, and latencies against
+//! percentiles.
 
 mod axis;
 mod braille;

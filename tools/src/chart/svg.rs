@@ -33,7 +33,8 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// The legend takes as much width as its longest name with letters of this width, and the picture as much height as its lines.
+    /// The legend takes as much width as its longest name with letters of this width, and the picture as much
+    /// height as its lines.
     pub(super) fn of(chart: &Chart, character: f64) -> Self {
         let names: Vec<String> = chart.series.iter().map(|series| shortened(&series.name)).collect();
         let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);

@@ -8,12 +8,12 @@ pub(super) const COLOURS: [&str; 8] =
 /// The same on a dark ground.
 const ON_DARK: [&str; 8] =
     ["#58a6ff", "#ff7b72", "#56d364", "#e3b341", "#bc8cff", "#39c5cf", "#f778ba", "#9da7b3"];
-/// Dashes of lines, in turn: lengths of strokes and gaps. Three repeat after 3 lines and the colours after 8, so that 24 lines
-/// differ, and neighbours do in print without colours.
+/// Dashes of lines, in turn: lengths of strokes and gaps. Three repeat after 3 lines and the colours after 8,
+/// so that 24 lines differ, and neighbours do in print without colours.
 pub(super) const DASHES: [&[f64]; 3] = [&[], &[7.0, 3.0], &[2.0, 2.5]];
 
-/// The beginning of a picture. The colours stand in the attributes of each element, which every program reads; one that knows
-/// style sheets changes them where its user prefers a dark ground.
+/// The beginning of a picture. The colours stand in the attributes of each element, which every program
+/// reads; one that knows style sheets changes them where its user prefers a dark ground.
 pub(super) fn begin(width: f64, height: f64) -> String {
     begin_with(width, height, 13, "")
 }

@@ -24,8 +24,8 @@ const LONGEST: TimeSpan = TimeSpan { ns: 1_000_000_000 };
 
 /// Check a graph file without starting anything: wiring, types, and whether its times can hold.
 ///
-/// The exit code is 3 if the graph cannot run, or if its budgets, rates and latencies cannot hold on the cores it is
-/// given.
+/// The exit code is 3 if the graph cannot run, or if its budgets, rates and latencies cannot hold on the
+/// cores it is given.
 ///
 /// Example: motorium check graphs/panda-reach.toml --timeline svg --output timeline.svg
 #[derive(Debug, clap::Args)]
@@ -41,8 +41,8 @@ pub(crate) struct Check {
     /// File to write the timeline to; standard output if not given
     #[arg(long, short, requires = "timeline")]
     output: Option<PathBuf>,
-    /// Print the checked plan with its response times and latencies, or the errors, as JSON; with --timeline or --span
-    /// the timeline, too
+    /// Print the checked plan with its response times and latencies, or the errors, as JSON; with --timeline
+    /// or --span the timeline, too
     #[arg(long)]
     json: bool,
 }

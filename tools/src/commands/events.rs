@@ -13,10 +13,11 @@ use crate::out::errln;
 use crate::runs::{LivingRun, RunArg};
 use crate::style;
 
-/// Show the log of events of a run: starts, resets, failures, restarts, stops, misses, refusals, safe states, printed lines.
+/// Show the log of events of a run: starts, resets, failures, restarts, stops, misses, refusals, safe states,
+/// printed lines.
 ///
-/// The log has a fixed size: it keeps the newest 128 of each severity, and of printed lines. A run that is over has none, but what was left
-/// behind by a crash is shown when its id is named.
+/// The log has a fixed size: it keeps the newest 128 of each severity, and of printed lines. A run that is
+/// over has none, but what was left behind by a crash is shown when its id is named.
 ///
 /// Example: motorium events --follow --severity warning
 #[derive(Debug, clap::Args)]
@@ -51,7 +52,7 @@ pub(crate) struct Events {
 enum Severity {
     /// As planned
     Information,
-    /// The run goes on, but not as the graph asks
+    /// The run continues, but not as the graph requires
     Warning,
     /// A failure
     Error,
@@ -150,7 +151,8 @@ impl Events {
     }
 }
 
-/// An event as a readable line: time, severity, component, kind, text. `width` is that of the longest component's name.
+/// An event as a readable line: time, severity, component, kind, text. `width` is the length of the longest
+/// component name.
 fn line(event: &LoggedEvent, clock: ClockKind, width: usize) -> String {
     let time_s = match clock {
         ClockKind::Realtime => event.time_s,

@@ -19,8 +19,8 @@ const END_WITHIN: Duration = Duration::from_secs(5);
 
 /// Kill, end or stop the process of one component of a run.
 ///
-/// It shows what the run makes of it: the component is restarted, or its end stops the graph, as `on_failure` and `restart`
-/// say. `motorium events` lists what followed.
+/// It shows what the run makes of it: the component is restarted, or its end stops the graph, as `on_failure`
+/// and `restart` say. `motorium events` lists what followed.
 ///
 /// Example: motorium kill panda-reach controller
 #[derive(Debug, clap::Args)]

@@ -11,8 +11,8 @@ use crate::out::outln;
 
 /// Latent spaces that a human and robots share: train one, show it, add robots, measure errors.
 ///
-/// Example: motorium latent train poses --output arms.latent && motorium latent transfer arms.latent --data poses
-/// --robot coman
+/// Example: motorium latent train poses --output arms.latent && motorium latent transfer arms.latent --data
+/// poses --robot coman
 #[derive(Debug, clap::Args)]
 pub(crate) struct Latent {
     #[command(subcommand)]

@@ -53,8 +53,8 @@ impl Default for GraphArgs {
 }
 
 impl GraphArgs {
-    /// The name and the text of the example to load in place of a file: the one that is named, or the default graph where
-    /// the current folder does not have it.
+    /// The name and the text of the example to load in place of a file: the one that is named, or the default
+    /// graph where the current folder does not have it.
     fn embedded(&self) -> Option<(&str, &'static str)> {
         if let Some(name) = &self.example {
             return Some((name, examples::text(name)?));
@@ -66,8 +66,8 @@ impl GraphArgs {
         })
     }
 
-    /// Loads and checks the graph. Its errors go to standard error, and as JSON to standard output; `Err` is then
-    /// the exit code.
+    /// Loads and checks the graph. Its errors go to standard error, and as JSON to standard output; `Err` is
+    /// then the exit code.
     pub(crate) fn load(&self, registry: &Registry, json: bool) -> Result<Checked, ExitCode> {
         let colour = std::io::stderr().is_terminal();
         let machine = Machine::detect();

@@ -45,7 +45,7 @@ pub(crate) struct Cli {
     command: Option<Command>,
 }
 
-// The help of each is that of its own type: a doc comment on a variant would hide it.
+// Each help text is on the argument type: a doc comment on a variant would hide it.
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::Run),

@@ -33,7 +33,7 @@ use crate::{overheads, registry, report, runs, style};
 pub(crate) struct Run {
     #[command(flatten)]
     graph: GraphArgs,
-    /// Name of the run in place of that of its graph: look-ups find it by it
+    /// Name of the run, instead of its graph's; look-ups accept it
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
     /// Duration of the run, such as `10s`; as the graph says, or until Ctrl-C, if not given
@@ -42,7 +42,8 @@ pub(crate) struct Run {
     /// The clock, `realtime` or `lockstep`: as the graph says if not given
     #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,
-    /// Hosting of the components: in `processes`, `threads`, or `inline`, in one thread; `--core N` names their core in lockstep
+    /// Hosting of the components: in `processes`, `threads`, or `inline`, in one thread; `--core N` names
+    /// their core in lockstep
     #[arg(long, value_enum, default_value_t, hide_possible_values = true, hide_default_value = true)]
     hosting: HostingChoice,
     /// The same as `--hosting threads`
@@ -54,7 +55,7 @@ pub(crate) struct Run {
     /// Divide the run into so many episodes, each begun by a reset of all components
     #[arg(long, value_name = "N")]
     episodes: Option<u64>,
-    /// Give each episode a seed of its own: that of the graph plus its number
+    /// Give each episode a separate seed: the graph's plus the episode number
     #[arg(long, requires = "episodes")]
     vary_seed: bool,
     /// Simulated time per real time; as fast as the machine allows if not given
@@ -190,8 +191,8 @@ impl Run {
                 errln!("{}", style::dim(format!("what the machine takes: {}", known.origin)));
                 errln!("nothing was started; `--force` runs it all the same");
                 let problem = admission.refusals().next().map(|refusal| refusal.message.clone());
-                let told = problem.unwrap_or_else(|| "the graph cannot hold its times".to_string());
-                return Ok(Failure::new(Kind::Invalid, told)
+                let reason = problem.unwrap_or_else(|| "the graph cannot hold its times".to_string());
+                return Ok(Failure::new(Kind::Invalid, reason)
                     .help("`--force` runs it all the same")
                     .print_json());
             }
@@ -291,13 +292,15 @@ impl Run {
         Ok(Options { hosting, core: self.core, ..Options::processes(program) })
     }
 
-    /// An exit code if `--core` names none of this machine, or the graph runs in real time, where it says its cores itself.
+    /// An exit code if `--core` names none of this machine, or the graph runs in real time, where it says its
+    /// cores itself.
     fn wrong_core(&self, plan: &Plan) -> Option<ExitCode> {
         let core = self.core?;
         let cores = online_cores();
         let (found, help) = if plan.clock == ClockKind::Realtime {
-            let told = format!("`--core {core}` is for `--clock lockstep`, and this graph runs in real time");
-            (told, "the key `core` of a component is the core that it runs on".to_string())
+            let reason =
+                format!("`--core {core}` is for `--clock lockstep`, and this graph runs in real time");
+            (reason, "the key `core` of a component is the core that it runs on".to_string())
         } else if cores.contains(&core) {
             return None;
         } else {
@@ -310,7 +313,8 @@ impl Run {
         Some(Failure::new(Kind::Usage, format!("{found}; {help}")).help(&help).report())
     }
 
-    /// Checks whether the graph holds its times beside the runs that are alive; an exit code if it is not to be started.
+    /// Checks whether the graph holds its times beside the runs that are alive; an exit code if it is not to
+    /// be started.
     fn beside_others(&self, plan: &Plan) -> Option<ExitCode> {
         let others = runs::living();
         let others: Vec<_> =
@@ -331,7 +335,7 @@ impl Run {
             return None;
         }
         errln!("nothing was started; stop the other runs, give the graph cores of its own, or `--force` it");
-        let told = format!("the graph does not hold its times beside {}", names.join(", "));
-        Some(Failure::new(Kind::Failed, told).help("stop the other runs, or `--force` it").print_json())
+        let reason = format!("the graph does not hold its times beside {}", names.join(", "));
+        Some(Failure::new(Kind::Failed, reason).help("stop the other runs, or `--force` it").print_json())
     }
 }

@@ -17,8 +17,8 @@ const ROUND_WITHIN: Duration = Duration::from_secs(10);
 
 /// Step a run in lockstep whose simulated time is held, hold it, or let it go on.
 ///
-/// A round is a simulated time at which a component is due: all that are due then step, one after the other. A run is held
-/// from its start by `motorium run --paused`, and later by `--hold`.
+/// A round is a simulated time at which a component is due: all that are due then step, one after the other.
+/// A run is held from its start by `motorium run --paused`, and later by `--hold`.
 ///
 /// Example: motorium step 10
 #[derive(Debug, clap::Args)]
@@ -65,7 +65,7 @@ impl Step {
             let outcome = serde_json::json!({ "time_s": time_s, "episode": episode, "held": held });
             outln!("{outcome}");
         } else {
-            let what = if held { "held" } else { "goes on" };
+            let what = if held { "held" } else { "continues" };
             outln!("graph `{}` {what} at {time_s:.6} s of simulated time", run.plan.name);
         }
         Ok(ExitCode::SUCCESS)

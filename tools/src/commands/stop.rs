@@ -1,4 +1,5 @@
-//! `motorium stop` and `motorium resume`: the end of a run, the latched stop of its robot, and the way out of it.
+//! `motorium stop` and `motorium resume`: the end of a run, the latched stop of its robot, and the way out of
+//! it.
 
 use std::process::ExitCode;
 use std::sync::atomic::Ordering::Relaxed;
@@ -22,9 +23,9 @@ const REACT_WITHIN: Duration = Duration::from_secs(1);
 
 /// End a run in good order, or stop its robot at once.
 ///
-/// Without `--now` the launcher ends the run, as at Ctrl-C: the actuators go to their safe state first. With it every
-/// actuator goes to its safe state at its next step and stays there until `motorium resume`; the run goes on, and its
-/// launcher is not needed.
+/// Without `--now` the launcher ends the run, as at Ctrl-C: the actuators go to their safe state first. With
+/// it every actuator goes to its safe state at its next step and stays there until `motorium resume`; the run
+/// continues, and its launcher is not needed.
 ///
 /// Example: motorium stop --now
 #[derive(Debug, clap::Args)]
@@ -41,8 +42,8 @@ pub(crate) struct Stop {
 
 /// Release the actuators of a run from a stop.
 ///
-/// They leave the safe state as `[safety] resume` says: by default from where they are held, at limited velocity and
-/// acceleration.
+/// They leave the safe state as `[safety] resume` says: by default from where they are held, at limited
+/// velocity and acceleration.
 ///
 /// Example: motorium resume
 #[derive(Debug, clap::Args)]
@@ -174,8 +175,8 @@ fn end(run: &LivingRun, json: bool) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Waits until every actuator is in a state, waking those that wait for a publication. One that is dead or being
-/// restarted has not confirmed anything: it is waited for too.
+/// Waits until every actuator is in a state, waking those that wait for a publication. One that is dead or
+/// being restarted has not confirmed anything: it is waited for too.
 fn await_actuators(
     run: &LivingRun,
     began: Instant,

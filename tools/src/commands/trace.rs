@@ -10,9 +10,9 @@ use super::run::{Clock, Run, Traced};
 
 /// Run a graph and write every step, wake-up, publication and hand-over as Chrome trace events.
 ///
-/// The file opens in Perfetto (https://ui.perfetto.dev) and chrome://tracing: a row for each component, an arrow from each
-/// publication to the step that read it first. Arguments of a step are its release, its budget and the predicted response.
-/// Times are those of the machine, in lockstep too.
+/// The file opens in Perfetto (https://ui.perfetto.dev) and chrome://tracing: a row for each component, an
+/// arrow from each publication to the step that read it first. Arguments of a step are its release, its
+/// budget and the predicted response. Times are machine times, in lockstep too.
 ///
 /// Example: motorium trace graphs/panda-reach.toml --for 2s --output out/trace.json
 #[derive(Debug, clap::Args)]

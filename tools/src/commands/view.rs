@@ -1,4 +1,5 @@
-//! `motorium view`: a running graph in 3D, in plots and tables, for our page and for viewers that speak Foxglove's protocol.
+//! `motorium view`: a running graph in 3D, in plots and tables, for our page and for viewers that speak
+//! Foxglove's protocol.
 
 use std::fs::File;
 use std::io::Read as _;
@@ -26,14 +27,15 @@ const RATE_HZ: f64 = 60.0;
 
 /// Show a running graph, or a recording: the robot in 3D, plots, parameters, a stop button.
 ///
-/// With a graph it starts that; a recording it plays, which the page holds, moves and speeds up as Foxglove does; without one it shows a run that goes on, and whatever run of the same graph comes after it. The
-/// page and the WebSocket of Foxglove's protocol, for Foxglove and Lichtblick, are on one port of this machine. Who has the
-/// address with its token may command; who has not may look.
+/// With a graph it starts that; a recording it plays, which the page holds, moves and speeds up as Foxglove
+/// does; without one it shows a run that goes on, and whatever run of the same graph comes after it. The page
+/// and the WebSocket of Foxglove's protocol, for Foxglove and Lichtblick, are on one port of this machine.
+/// Who has the address with its token may command; who has not may look.
 ///
 /// Example: motorium view graphs/panda-reach.toml
 #[derive(Debug, clap::Args)]
 pub(crate) struct View {
-    /// The graph to start, or the recording (`.mcap`) to play; a run that goes on is shown if not given
+    /// The graph to start, or the recording (`.mcap`) to play; default: a running graph
     #[arg(value_name = "GRAPH|RECORDING", add = complete::graphs(), conflicts_with = "run",
           value_parser = graph_file())]
     graph: Option<PathBuf>,
@@ -45,11 +47,12 @@ pub(crate) struct View {
     /// Most samples of a topic to send a second, in Hz
     #[arg(long, value_name = "HZ", default_value_t = RATE_HZ, value_parser = rate)]
     rate: f64,
-    /// Open the page in a headless browser, compare what it shows with the run, write its picture to this file, and end
+    /// Open the page in a headless browser, compare what it shows with the run, write its picture to this
+    /// file, and end
     #[arg(long, value_name = "PNG")]
     headless_check: Option<PathBuf>,
-    /// The token for commands; one that nobody can guess if not given. Other users of the machine see it in the list of
-    /// processes
+    /// The token for commands; one that nobody can guess if not given. Other users of the machine see it in
+    /// the list of processes
     #[arg(long, value_name = "TOKEN")]
     token: Option<String>,
     /// Options for `motorium run`, after `--`, such as `-- --clock lockstep --pace 1`

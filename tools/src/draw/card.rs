@@ -18,7 +18,7 @@ pub(super) const LINE: f64 = 17.0;
 pub(super) const SMALL_LINE: f64 = 14.5;
 /// From the top of a box to the baseline of its name.
 pub(super) const NAME_BASELINE: f64 = 24.0;
-/// From the wire up to the baseline of the topic's name, and down to that of the first line below.
+/// From the wire up to the baseline of the topic's name, and down to the baseline of the first line below.
 pub(super) const ABOVE: f64 = 5.0;
 pub(super) const BELOW: f64 = 13.5;
 

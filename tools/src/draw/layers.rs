@@ -1,7 +1,7 @@
 //! Columns of components, from left to right along the flow of data.
 //!
-//! The method is that of Sugiyama, Tagawa and Toda (1981): break cycles, assign layers, order within each layer to
-//! avoid crossings. A wire that closes a loop, such as the command back to the robot, is not part of it; it is led
+//! Method of Sugiyama, Tagawa and Toda (1981): break cycles, assign layers, order within each layer to avoid
+//! crossings. A wire that closes a loop, such as the command back to the robot, is not part of it; it is led
 //! around the picture.
 
 use motorium::plan::Plan;
@@ -76,8 +76,8 @@ impl Layers {
             .collect()
     }
 
-    /// Orders every column by the mean place of its neighbours, there and back, and keeps the order with the fewest
-    /// crossings.
+    /// Orders every column by the mean place of its neighbours, there and back, and keeps the order with the
+    /// fewest crossings.
     fn order(&mut self, wires: &[Wire]) {
         let mut best = self.columns.clone();
         let mut fewest = self.crossings(wires);
@@ -140,8 +140,8 @@ impl Layers {
     }
 }
 
-/// The wires that close a loop: first those into the component that applies commands, since that is where a control
-/// loop closes; then whatever still closes one, in the order of the file.
+/// The wires that close a loop: first those into the component that applies commands, since that is where a
+/// control loop closes; then whatever still closes one, in the order of the file.
 fn back_wires(plan: &Plan, wires: &[Wire]) -> Vec<bool> {
     let mut back: Vec<bool> = wires.iter().map(|wire| wire.writer == wire.reader).collect();
     for index in 0..wires.len() {
@@ -150,8 +150,8 @@ fn back_wires(plan: &Plan, wires: &[Wire]) -> Vec<bool> {
             back[index] = true;
         }
     }
-    // Take in the others one by one, as long as they close no loop. The wires that wake their reader come first: they
-    // are the backbone of the picture.
+    // Take in the others one by one, as long as they close no loop. The wires that wake their reader come
+    // first: they are the backbone of the picture.
     let mut left_out = vec![true; wires.len()];
     for wakes in [true, false] {
         for index in 0..wires.len() {
@@ -186,8 +186,8 @@ fn reaches(from: usize, to: usize, wires: &[Wire], left_out: &[bool]) -> bool {
     false
 }
 
-/// Column of each component: one further than everything it reads; a component that reads nothing stands just before
-/// its readers.
+/// Column of each component: one further than everything it reads; a component that reads nothing stands just
+/// before its readers.
 fn assign(count: usize, forward: &[(usize, usize)]) -> Vec<usize> {
     let mut column = vec![0; count];
     // longest paths settle after as many rounds as there are components

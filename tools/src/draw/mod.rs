@@ -30,7 +30,7 @@ pub(crate) use text::escape;
 pub(crate) use timeline_svg::timeline_svg;
 pub(crate) use timeline_text::timeline_text;
 
-/// Measured values as text, for a picture of a running graph. Indices are those of the plan; what
+/// Measured values as text, for a picture of a running graph. Indices are the plan's; what
 /// is left out or shorter than the plan is not drawn.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Measured {

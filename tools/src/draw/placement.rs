@@ -149,7 +149,8 @@ impl Heights<'_> {
         }
     }
 
-    /// The top at which an item is level with its neighbours on one side: the mean over the wires between them.
+    /// The top at which an item is level with its neighbours on one side: the mean over the wires between
+    /// them.
     fn level(&self, column: usize, item: Item, left: bool) -> Option<f64> {
         let Self { cards, layers, .. } = self;
         let next = if left { column.checked_sub(1)? } else { column + 1 };
@@ -184,8 +185,9 @@ impl Heights<'_> {
     }
 }
 
-/// Tops as close as possible to those wanted (least squares), in the same order and with gaps between: isotonic
-/// regression by pooling adjacent violators. Each entry is the wanted top, the height and the weight.
+/// Tops as close as possible to those wanted (least squares), in the same order and with gaps between:
+/// isotonic regression by pooling adjacent violators. Each entry is the wanted top, the height and the
+/// weight.
 fn spread(wanted: &[(f64, f64, f64)]) -> Vec<f64> {
     // in coordinates without heights and gaps, the order is all that must hold
     let mut pools: Vec<(f64, f64, usize)> = Vec::new();

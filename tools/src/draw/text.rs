@@ -1,7 +1,7 @@
 //! Text in a picture: how wide it is, and how it is written.
 
-/// Width of a text in a sans-serif typeface of this size, in pixels. Generous: the typeface is the viewer's choice, and
-/// a box a little too wide is better than text that runs out of it.
+/// Width of a text in a sans-serif typeface of this size, in pixels. Generous: the typeface is the viewer's
+/// choice, and a box a little too wide is better than text that runs out of it.
 pub(super) fn width(text: &str, size: f64) -> f64 {
     let em: f64 = text
         .chars()

@@ -5,8 +5,8 @@ use super::words;
 /// Marks on an axis of at most this many parts.
 const MOST_PARTS: u64 = 8;
 
-/// Distance of the marks on an axis of this length, ns: 1, 2, 2.5 or 5 times a power of ten, so that there are four to
-/// eight of them or so.
+/// Distance of the marks on an axis of this length, ns: 1, 2, 2.5 or 5 times a power of ten, so that there
+/// are four to eight of them or so.
 pub(super) fn grain(length_ns: u64) -> u64 {
     let mut power = 1u64;
     loop {

@@ -9,7 +9,7 @@ use super::text::{escape, width};
 use super::timeline::{mark, marks, percent};
 use super::words;
 
-/// Colours besides those of the graph.
+/// Colours in addition to the graph's.
 const COLOURS: &str = "
 .step { fill: #3b5b8c; }
 .spin { fill: #3b5b8c; fill-opacity: 0.25; }
@@ -235,7 +235,7 @@ mod tests {
         let number = |node: &roxmltree::Node<'_, '_>, name: &str| -> f64 {
             node.attribute(name).and_then(|text| text.parse().ok()).expect("a number")
         };
-        // the last of each is that of the legend
+        // the last of each belongs to the legend
         let (steps, spins) = (of("step"), of("spin"));
         assert_eq!((steps.len(), spins.len(), of("release").len(), of("late").len()), (3, 2, 3, 2));
         assert!((number(&steps[0], "width") - AXIS / 4.0).abs() < 0.01);

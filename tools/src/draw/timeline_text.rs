@@ -99,7 +99,8 @@ mod tests {
         Segment { start_ns, end_ns, activity }
     }
 
-    /// A head that spins for a tenth of the period and steps for three, one behind it, and one that hardly steps.
+    /// A head that spins for a tenth of the period and steps for three, one behind it, and one that hardly
+    /// steps.
     pub(super) fn drawn() -> Timeline {
         let lane = |component: &str, segments: Vec<Segment>, late_ns: Vec<u64>| Lane {
             component: component.to_string(),

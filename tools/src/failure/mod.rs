@@ -18,8 +18,8 @@ use origin::Origin;
 
 /// A failed command: the one JSON object that it prints with `--json`, on one line.
 ///
-/// A command that has an answer although it ends with another exit code than 0 (the report of a run that ended in a safe
-/// stop, the findings of the doctor) prints that answer instead, which says so.
+/// A command that has an answer although it ends with another exit code than 0 (the report of a run that
+/// ended in a safe stop, the findings of the doctor) prints that answer instead, which says so.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 #[schemars(title = "Error")]
 pub(crate) struct Failure {
@@ -43,7 +43,7 @@ pub(crate) struct Failure {
     expected: Option<String>,
     /// Advice: what to try.
     help: Option<String>,
-    /// All findings of a graph file; the fields above are those of the first.
+    /// All findings of a graph file; the fields above describe the first.
     diagnostics: Vec<DiagnosticReport>,
 }
 
@@ -51,7 +51,8 @@ pub(crate) struct Failure {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Kind {
-    /// Something failed (exit code 1): a component that cannot be started, no run to look at, a file that cannot be read.
+    /// Something failed (exit code 1): a component that cannot be started, no run to look at, a file that
+    /// cannot be read.
     Failed,
     /// Wrong usage (exit code 2): an unknown command or option, an option that cannot be read.
     Usage,
@@ -107,9 +108,9 @@ impl Failure {
         Self { help: Some(help.to_string()), ..self }
     }
 
-    /// The failure that an error and its causes tell of.
+    /// The failure described by an error and its causes.
     pub(crate) fn of(error: &anyhow::Error) -> Self {
-        Self::caused(told(error), error.chain())
+        Self::caused(message(error), error.chain())
     }
 
     /// The failure of an error of a library, in words of its own.
@@ -117,8 +118,8 @@ impl Failure {
         Self::caused(error.to_string(), anyhow::Chain::new(error))
     }
 
-    fn caused(told: String, causes: anyhow::Chain<'_>) -> Self {
-        let mut failure = Self::new(Kind::Failed, told);
+    fn caused(message: String, causes: anyhow::Chain<'_>) -> Self {
+        let mut failure = Self::new(Kind::Failed, message);
         for origin in causes.map(Origin::of) {
             if origin.invalid {
                 (failure.kind, failure.exit_code) = (Kind::Invalid, Kind::Invalid.code());
@@ -202,13 +203,13 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
 }
 
 /// An error and its causes in one line. Messages that hold the words of their cause are not followed by it.
-fn told(error: &anyhow::Error) -> String {
-    error.chain().fold(String::new(), |told, cause| {
+fn message(error: &anyhow::Error) -> String {
+    error.chain().fold(String::new(), |message, cause| {
         let cause = cause.to_string();
-        match told.as_str() {
+        match message.as_str() {
             "" => cause,
-            before if before.contains(&cause) => told,
-            _ => format!("{told}: {cause}"),
+            before if before.contains(&cause) => message,
+            _ => format!("{message}: {cause}"),
         }
     })
 }
@@ -237,7 +238,7 @@ mod tests {
         let cause = || std::io::Error::from_raw_os_error(28);
         let error =
             anyhow::Error::new(cause()).context(format!("/dev/shm/a: {}", cause())).context("making a run");
-        assert_eq!(told(&error), "making a run: /dev/shm/a: No space left on device (os error 28)");
+        assert_eq!(message(&error), "making a run: /dev/shm/a: No space left on device (os error 28)");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The place and the values that an error of a library tells of.
+//! The place and the values in an error of a library.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use motorium_primitives::file::{PrimitiveFile, PrimitiveFileError};
 use motorium_recordings::RecordingError;
 use motorium_robots::{LoadError, MjcfError, ProfileError, UrdfError};
 
-/// File, place and values of one error in a chain; what it does not tell is empty.
+/// File, place and values of one error in a chain; unknown ones are empty.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Origin {
     /// True for a mistake in a file that a person wrote.
@@ -58,7 +58,7 @@ impl Origin {
             LoadError::Urdf(error) => Self::of_urdf(error),
             LoadError::Mjcf(error) => Self::of_mjcf(error),
             LoadError::NotFound { path, nearest, reference } => {
-                // A name with an ending is that of a file.
+                // A name with an extension is a file name.
                 let invalid = Path::new(reference).extension().is_some();
                 let found = Some(reference.clone());
                 Self { invalid, found, help: nearest.as_ref().map(help), ..Self::file(path) }

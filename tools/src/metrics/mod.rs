@@ -1,6 +1,7 @@
 //! Measurements of a running graph from outside: its region and `/proc`, and both as Prometheus text.
 //!
-//! Everything here reads memory and files. No component is asked, none waits, and no place of an observer is taken.
+//! Everything here reads memory and files. No component is asked, none waits, and no place of an observer is
+//! taken.
 
 mod address;
 mod client;

@@ -53,7 +53,7 @@ pub(crate) struct ComponentSample {
     pub(crate) errors: u64,
     pub(crate) refused: u64,
     pub(crate) restarts: u32,
-    /// Its own and those of foreign code; `None` if its program does not count them.
+    /// Its own and foreign code's; `None` if its program does not count them.
     pub(crate) allocations: Option<(u64, u64)>,
     pub(crate) page_faults: u64,
     pub(crate) spin_ns: u64,

@@ -1,5 +1,5 @@
-//! Use of the machine by a component, as the kernel accounts for it: CPU time of the stepping thread, memory of the
-//! process.
+//! Use of the machine by a component, as the kernel accounts for it: CPU time of the stepping thread, memory
+//! of the process.
 
 use std::fs;
 
@@ -32,7 +32,8 @@ impl Usage {
 /// Length of a tick of `/proc`, ns: `USER_HZ` is 100 on every machine that Linux runs on today.
 const TICK_NS: u64 = 10_000_000;
 
-/// `schedstat` says: time run in ns, time waited, number of turns. Without scheduler information all three are 0.
+/// `schedstat` says: time run in ns, time waited, number of turns. Without scheduler information all three
+/// are 0.
 fn time_run(text: &str) -> Option<u64> {
     let ns = text.split_ascii_whitespace().next()?.parse().ok()?;
     (ns > 0).then_some(ns)
@@ -45,7 +46,8 @@ fn ticks(text: &str) -> Option<u64> {
     Some(next()? + next()?)
 }
 
-/// Resident memory and what of it belongs to files and shared memory, bytes: lines such as `VmRSS:     5124 kB`.
+/// Resident memory and what of it belongs to files and shared memory, bytes: lines such as `VmRSS:     5124
+/// kB`.
 fn memory(status: &str) -> Option<(u64, u64)> {
     let of = |name: &str| {
         let line = status.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;

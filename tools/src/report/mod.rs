@@ -138,7 +138,8 @@ pub(crate) fn summary(report: &Report) -> String {
     wrapped(&text, WIDTH)
 }
 
-/// The table of components, of at most [`WIDTH`] columns: where their times do not fit beside their steps, two tables.
+/// The table of components, of at most [`WIDTH`] columns: where their times do not fit beside their steps,
+/// two tables.
 fn components(report: &Report, realtime: bool) -> String {
     type Cell = fn(&ComponentReport) -> String;
     const STEPS: (&str, Cell) = ("steps", |c| c.steps.to_string());

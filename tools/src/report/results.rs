@@ -1,4 +1,5 @@
-//! The results of components as text: one figure after the other, with its unit, on lines that fit a terminal.
+//! The results of components as text: one figure after the other, with its unit, on lines that fit a
+//! terminal.
 
 use serde_json::Value;
 
@@ -20,8 +21,9 @@ const UNITS: [(&str, &str); 9] = [
     ("_m", "m"),
 ];
 
-/// A result of a component, by figures: values within values by their paths. Counters that are zero and figures without a
-/// value are left out. Lines after the first begin with blanks; the first has `heading` columns before it.
+/// A result of a component, by figures: values within values by their paths. Counters that are zero and
+/// figures without a value are left out. Lines after the first begin with blanks; the first has `heading`
+/// columns before it.
 pub(super) fn lines(heading: usize, result: &Value) -> String {
     let mut figures = Vec::new();
     collect("", result, result, &mut figures);
@@ -53,8 +55,8 @@ fn warnings(result: &Value) -> impl Iterator<Item = &str> {
     result.get(WARNINGS).and_then(Value::as_array).into_iter().flatten().filter_map(Value::as_str)
 }
 
-/// Collects the figures of a value within a `whole` result. A figure of a part that the whole has, too, under the same name
-/// and of the same value, is left out.
+/// Collects the figures of a value within a `whole` result. A figure of a part that the whole has, too, under
+/// the same name and of the same value, is left out.
 fn collect(path: &str, value: &Value, whole: &Value, figures: &mut Vec<String>) {
     match value {
         Value::Object(values) => {

@@ -16,7 +16,8 @@ pub(crate) use events::event_line;
 /// Names a run on the command line.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(crate) struct RunArg {
-    /// The run: its id, the beginning of it, or the name of its graph; the only one if not given, and to look at, the newest
+    /// The run: its id, the beginning of it, or the name of its graph; the only one if not given, and to look
+    /// at, the newest
     #[arg(long = "run", value_name = "ID", add = crate::complete::runs())]
     run: Option<String>,
 }
@@ -50,13 +51,14 @@ fn opened(folder: RunFolder) -> anyhow::Result<LivingRun> {
     let (plan, region) = (folder.plan()?, folder.region()?);
     anyhow::ensure!(
         region.fits(&plan),
-        "the control block of run {} is not that of its plan: its shared memory was damaged",
+        "the control block of run {} does not match its plan: its shared memory was damaged",
         folder.id()
     );
     Ok(LivingRun { folder, plan, region })
 }
 
-/// The run to look at: the one that `run` names, or the newest of this user that is alive. Which of several it is, is told.
+/// The run to inspect: the one that `run` names, or this user's newest live run. Prints its name if there are
+/// several.
 pub(crate) fn newest(run: Option<&str>) -> anyhow::Result<RunFolder> {
     let (mut folders, candidates) = all();
     let chosen = choose::choose_newest(run, &candidates)?;
@@ -66,8 +68,8 @@ pub(crate) fn newest(run: Option<&str>) -> anyhow::Result<RunFolder> {
     Ok(folders.swap_remove(chosen))
 }
 
-/// The run that is meant: the only one alive, or the one that `run` names by its id, the beginning of its id, or the
-/// name of its graph.
+/// The run that is meant: the only one alive, or the one that `run` names by its id, the beginning of its id,
+/// or the name of its graph.
 fn pick(run: Option<&str>) -> anyhow::Result<RunFolder> {
     let (mut folders, candidates) = all();
     let chosen = choose::choose(run, &candidates)?;
@@ -97,7 +99,7 @@ pub(crate) fn living() -> Vec<(String, Plan)> {
     runs.filter_map(|folder| Some((folder.id().to_string(), folder.plan().ok()?))).collect()
 }
 
-/// A run that goes on, opened for looking on.
+/// A live run, opened for reading.
 #[derive(Debug)]
 pub(crate) struct LivingRun {
     pub(crate) folder: RunFolder,
@@ -133,7 +135,8 @@ impl LivingRun {
     /// Keeps this process off the cores of real-time components.
     pub(crate) fn stand_aside(&self) {
         let cores = self.plan.scheduling.shared_cores.clone();
-        // Without the right to choose its cores it looks on from where it is: at normal priority it delays no one.
+        // Without the right to choose its cores it looks on from where it is: at normal priority it delays no
+        // one.
         let _ = apply(&Request { class: SchedulingClass::Normal, cores, lock_memory: false });
     }
 }

@@ -46,7 +46,8 @@ pub(super) struct HandOver {
     pub(super) wakes: bool,
 }
 
-/// The steps of a component. Events of a step that did not end, or whose end was overwritten, count to the next one.
+/// The steps of a component. Events of a step that did not end, or whose end was overwritten, count to the
+/// next one.
 pub(super) fn steps(events: &[TraceEvent]) -> Vec<Step> {
     let (mut steps, mut published, mut reads) = (Vec::new(), Vec::new(), Vec::new());
     for event in events {

@@ -1,4 +1,4 @@
-//! The trace of a run, followed while it goes on and written when it is over.
+//! The trace of a run, collected during the run and written at its end.
 
 mod chrome;
 mod flows;
@@ -22,7 +22,8 @@ use crate::out::errln;
 use crate::style;
 use chrome::Trace;
 
-/// Events of a component that its ring keeps: some twenty times what a component at 8 kHz writes between two looks.
+/// Events of a component that its ring keeps: some twenty times what a component at 8 kHz writes between two
+/// looks.
 const EVENTS: usize = 1 << 14;
 /// Time between two looks at the rings.
 const LOOK: Duration = Duration::from_millis(10);
@@ -62,7 +63,8 @@ impl Tracing {
         }
         let file = File::create(output).with_context(|| format!("making {}", output.display()))?;
         let (messages, receiver) = channel();
-        // Made before the launcher takes its place among the cores, so that it does not share that of a run in lockstep.
+        // Made before the launcher takes its place among the cores, so that it does not share a core with a
+        // lockstep run.
         let follower =
             std::thread::Builder::new().name("trace".to_string()).spawn(move || follow(&receiver))?;
         let (output, plan, admission) = (output.to_path_buf(), plan.clone(), admission.clone());
@@ -71,7 +73,7 @@ impl Tracing {
 
     /// Follows the run of this name, which has been made and has not begun.
     pub(crate) fn follow(&self, run: &str) {
-        // A follower that has ended has panicked, which `finish` tells.
+        // A follower that has ended has panicked, which `finish` reports.
         let _ = self.messages.send(Message::Created(run.to_string()));
     }
 

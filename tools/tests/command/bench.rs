@@ -28,13 +28,13 @@ fn is_told_by_its_buckets(name: &str, ns: &Json) {
             seen >= rank
         });
         let again = bucket.expect("a bucket").0.min(longest);
-        let told = ns[key].as_u64().expect("a number");
+        let message = ns[key].as_u64().expect("a number");
         // Single samples: exact below 16 us, to 1/8192 above.
         assert!(
-            again >= told && again - told <= told / 8_192,
-            "{name}: {key} {told}, of the buckets {again}"
+            again >= message && again - message <= message / 8_192,
+            "{name}: {key} {message}, of the buckets {again}"
         );
-        assert!(told >= 16_384 || again == told, "{name}: {key} {told}, of the buckets {again}");
+        assert!(message >= 16_384 || again == message, "{name}: {key} {message}, of the buckets {again}");
     }
 }
 

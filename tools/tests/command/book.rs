@@ -138,7 +138,7 @@ fn quoted(text: &str) -> BTreeSet<String> {
     words.flat_map(|words| words.split(['.', ' ', '=', '{', '}', ',', '"'])).map(str::to_string).collect()
 }
 
-/// All keys that a schema describes, with those of the definitions it refers to.
+/// All keys that a schema describes, including the definitions it refers to.
 fn keys(schema: &Json, root: &Json, found: &mut BTreeSet<String>) {
     keys_within(schema, root, &mut BTreeSet::new(), found);
 }
@@ -221,12 +221,13 @@ fn the_table_of_kinds_says_of_each_what_the_command_says() {
     for line in kinds.as_array().expect("a list") {
         let (kind, summary) = (line["kind"].as_str().expect("a name"), line["summary"].as_str());
         let row = page.lines().find(|row| row.starts_with(&format!("| [`{kind}`]")));
-        let told = row.and_then(|row| row.split(" | ").nth(1));
-        assert_eq!(told, summary, "{kind}");
+        let summary_cell = row.and_then(|row| row.split(" | ").nth(1));
+        assert_eq!(summary_cell, summary, "{kind}");
     }
 }
 
-/// Keys that the tables of a page explain: names in backticks in the first column of tables that begin with `key`.
+/// Keys that the tables of a page explain: names in backticks in the first column of tables that begin with
+/// `key`.
 fn tabled(text: &str) -> BTreeSet<String> {
     let (mut keys, mut explains) = (BTreeSet::new(), false);
     let mut before = "";
@@ -253,9 +254,9 @@ fn every_key_that_the_page_of_a_kind_explains_exists() {
         let Some(kind) = rule.pointer("/if/properties/kind/const").and_then(Json::as_str) else { continue };
         let mut known = BTreeSet::new();
         keys(&rule["then"]["properties"]["config"], &schema, &mut known);
-        let told = tabled(&read(format!("docs/src/kinds/{}.md", kind.replace(['.', '_'], "-"))));
-        explained += told.len();
-        let unknown: Vec<&String> = told.difference(&known).collect();
+        let summary_cell = tabled(&read(format!("docs/src/kinds/{}.md", kind.replace(['.', '_'], "-"))));
+        explained += summary_cell.len();
+        let unknown: Vec<&String> = summary_cell.difference(&known).collect();
         assert!(unknown.is_empty(), "the page of {kind} explains keys that it does not have: {unknown:?}");
     }
     assert!(explained > 200, "{explained} keys");

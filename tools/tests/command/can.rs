@@ -11,8 +11,8 @@ use crate::program::{complaint, motorium, printed};
 
 const RATES: Rates = Rates { nominal: 1_000_000, fast: 5_000_000 };
 
-/// Offers a bus while `look` looks at it: each millisecond a frame of the drive 0x123, and each that others send comes back with the
-/// next identifier. It ends with the result of `look`.
+/// Offers a bus while `look` looks at it: each millisecond a frame of the drive 0x123, and each that others
+/// send comes back with the next identifier. It ends with the result of `look`.
 fn offered<T>(name: &str, look: impl FnOnce(&str) -> T) -> T {
     let name = format!("command-{name}-{}", std::process::id());
     let mut offer = Offer::open(Place::Socket(&name), RATES, true, false).expect("a place");
@@ -125,9 +125,9 @@ fn can_check_fails_without_an_adapter() {
     let words = "error: graph `panda-reach` has no component of the kind `can.adapter`";
     assert!(complaint(&["can", "check", "--example", "panda-reach"]).contains(words));
     let output = motorium(&["can", "check", "--example", "panda-reach", "--json"]).output().expect("it runs");
-    let told: Value = serde_json::from_slice(&output.stdout).expect("one object");
+    let message: Value = serde_json::from_slice(&output.stdout).expect("one object");
     assert_eq!(
-        (&told["valid"], &told["kind"], output.status.code()),
+        (&message["valid"], &message["kind"], output.status.code()),
         (&false.into(), &"failed".into(), Some(1))
     );
 }

@@ -28,7 +28,8 @@ fn help_has_an_example_and_fits_its_line_limit() {
     for (words, mut command) in commands() {
         let help = command.render_long_help().to_string();
         assert!(help.contains(&format!("Example: motorium {words}")), "{words}: {help}");
-        // Two take the options of recordings, forces and sizes at once, two those of a graph, a clock and a recording.
+        // Two have the options of recordings, forces and sizes, two the options of a graph, a clock and a
+        // recording.
         let long = ["library build", "library evaluate", "run", "replay"];
         let most = if long.contains(&words.as_str()) { 80 } else { 60 };
         assert!(help.lines().count() <= most, "{words}: {} lines", help.lines().count());
@@ -73,9 +74,9 @@ fn exit_codes_of_the_book_match_the_commands() {
     let listed: Vec<i32> =
         table.lines().filter_map(|line| line.strip_prefix("| ")?.split(' ').next()?.parse().ok()).collect();
     assert_eq!(listed, [0, 1, 2, 3, 4, 5, 6, 7, 8]);
-    // Wrong usage is the same to every command. 4 to 8 are seen where their causes are made: a component that dies
-    // (tests/graphs/faults.rs), a machine that is not fit (below), a hop that became slower (bench.rs), a component that
-    // loses steps (tests/graphs/hangs.rs), a missed goal (expect.rs).
+    // Wrong usage is the same to every command. 4 to 8 are seen where their causes are made: a component that
+    // dies (tests/graphs/faults.rs), a machine that is not fit (below), a hop that became slower (bench.rs),
+    // a component that loses steps (tests/graphs/hangs.rs), a missed goal (expect.rs).
     for (words, command) in commands() {
         let mut arguments: Vec<&str> = words.split(' ').collect();
         arguments.push("--no-such-option");
@@ -244,21 +245,21 @@ fn json_errors_follow_the_error_schema() {
     let read = |arguments: &[String]| {
         let output = run(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
-        let told = format!("{arguments:?}: {text}{}", String::from_utf8_lossy(&output.stderr));
+        let message = format!("{arguments:?}: {text}{}", String::from_utf8_lossy(&output.stderr));
         // an answer, with the code of what it found: the doctor's 5
         if matches!(output.status.code(), Some(0 | 4..)) {
-            return (0, serde_json::Value::Null, told);
+            return (0, serde_json::Value::Null, message);
         }
         let object: serde_json::Value =
-            serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {told}"));
-        assert_eq!(text.lines().count(), 1, "{told}");
+            serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {message}"));
+        assert_eq!(text.lines().count(), 1, "{message}");
         let errors: Vec<String> = validator.iter_errors(&object).map(|error| error.to_string()).collect();
-        assert!(errors.is_empty(), "{errors:?}: {told}");
+        assert!(errors.is_empty(), "{errors:?}: {message}");
         let code = output.status.code().expect("an exit code");
-        assert_eq!(object["exit_code"], code, "{told}");
-        assert!(object["error"].as_str().is_some_and(|error| !error.is_empty()), "{told}");
-        assert!(!output.stderr.is_empty(), "people are told, too: {told}");
-        (code, object, told)
+        assert_eq!(object["exit_code"], code, "{message}");
+        assert!(object["error"].as_str().is_some_and(|error| !error.is_empty()), "{message}");
+        assert!(!output.stderr.is_empty(), "standard error has the message, too: {message}");
+        (code, object, message)
     };
     let (mut tried, mut succeeded) = (0, Vec::new());
     for (words, command) in commands() {
@@ -268,16 +269,16 @@ fn json_errors_follow_the_error_schema() {
         tried += 1;
         let wrong: Vec<String> =
             words.split(' ').chain(["--json", "--no-such-option"]).map(str::to_string).collect();
-        let (code, object, told) = read(&wrong);
-        assert_eq!((code, &object["kind"]), (2, &"usage".into()), "{told}");
-        assert_eq!(object["found"], "--no-such-option", "{told}");
+        let (code, object, message) = read(&wrong);
+        assert_eq!((code, &object["kind"]), (2, &"usage".into()), "{message}");
+        assert_eq!(object["found"], "--no-such-option", "{message}");
         // what looks at the machine alone has nothing to fail on
-        let (code, object, told) = read(&hopeless(&words, &command));
+        let (code, object, message) = read(&hopeless(&words, &command));
         match code {
             0 => succeeded.push(words),
-            1 => assert_eq!(object["kind"], "failed", "{told}"),
-            2 => assert_eq!(object["kind"], "usage", "{told}"),
-            _ => assert_eq!((code, &object["kind"]), (3, &"invalid".into()), "{told}"),
+            1 => assert_eq!(object["kind"], "failed", "{message}"),
+            2 => assert_eq!(object["kind"], "usage", "{message}"),
+            _ => assert_eq!((code, &object["kind"]), (3, &"invalid".into()), "{message}"),
         }
     }
     assert!(tried > 30, "{tried} commands print JSON");

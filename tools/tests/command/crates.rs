@@ -1,32 +1,37 @@
 //! The crates behind the command: how many there are, their licences and their sources.
 //!
-//! `cargo deny check licenses bans sources` checks more, where it is installed; this needs nothing but cargo itself.
+//! `cargo deny check licenses bans sources` checks more, where it is installed; this needs nothing but cargo
+//! itself.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 use serde::Deserialize;
 
-/// Crates that `cargo build --release` may compile for the command, procedural macros and the project's own included.
-/// A change that needs more says so here, and why it is worth it. The last were `shlex` and `is_executable`, with which shells
-/// complete runs, topics and parameters; the channels and queues of crossbeam (three crates in place of one), which the
-/// launcher, the printers and programs that drive several sessions share; a crate of the project, the drives on CAN
-/// buses, a wing of their own; `mcap` and `foxglove` without compression and server (27 crates): recordings that every viewer
-/// and reader of robotics opens; `socketcan`, with which drives reach the kernel's buses (seven crates); and `can-dbc`, which
-/// reads the databases of their messages (14 crates: a grammar for `pest`, and the encodings of old files); and
+/// Crates that `cargo build --release` may compile for the command, procedural macros and the project's own
+/// included. A change that needs more says so here, and why it is worth it. The last were `shlex` and
+/// `is_executable`, with which shells complete runs, topics and parameters; the channels and queues of
+/// crossbeam (three crates in place of one), which the launcher, the printers and programs that drive several
+/// sessions share; a crate of the project, the drives on CAN buses, a wing of their own; `mcap` and
+/// `foxglove` without compression and server (27 crates): recordings that every viewer and reader of robotics
+/// opens; `socketcan`, with which drives reach the kernel's buses (seven crates); and `can-dbc`, which reads
+/// the databases of their messages (14 crates: a grammar for `pest`, and the encodings of old files); and
 /// `miniz_oxide`, which unpacks pictures that are terrain (two crates; the crate `png` brings four more); and
-/// `serde_path_to_error`, which names the key of a configuration that cannot be read: all are read in one way since, where
-/// other ways were nearly a third of the code of `motorium-sensors`; and a crate of the project, the algebra that models and the
-/// motion library share; and `ruzstd` and `lz4_flex`, which unpack the chunks of recordings by other programs. `toml` and `signal-hook` are those of iceoryx2 and of the screen, and in the tree once.
+/// `serde_path_to_error`, which names the key of a configuration that cannot be read: all are read in one way
+/// since, where other ways were nearly a third of the code of `motorium-sensors`; and a crate of the project,
+/// the algebra that models and the motion library share; and `ruzstd` and `lz4_flex`, which unpack the chunks
+/// of recordings by other programs. `toml` and `signal-hook` are those of iceoryx2 and of the screen, and in
+/// the tree once.
 ///
-/// What goes with each subtree, where all others stay: iceoryx2 32, `mcap` and `foxglove` 26, `ratatui` 25, serde, its formats and
-/// schemas 18, the crates of the project 17, `parry3d` and `rapier3d` 15, clap 14, `can-dbc` 14, `clarabel` 14, `urdf-rs` 9,
-/// `nalgebra` 7, `socketcan` 7, `indicatif` 4, `prometheus-client` 3. Without the screen of `top`, databases of CAN messages, cones, URDF, the
-/// kernel's buses and metrics, 74 crates fewer, there are still 204.
+/// What goes with each subtree, where all others stay: iceoryx2 32, `mcap` and `foxglove` 26, `ratatui` 25,
+/// serde, its formats and schemas 18, the crates of the project 17, `parry3d` and `rapier3d` 15, clap 14,
+/// `can-dbc` 14, `clarabel` 14, `urdf-rs` 9, `nalgebra` 7, `socketcan` 7, `indicatif` 4, `prometheus-client`
+/// 3. Without the screen of `top`, databases of CAN messages, cones, URDF, the kernel's buses and metrics, 74
+/// crates fewer, there are still 204.
 const CEILING: usize = 281;
 
-/// Crates that `cargo build --release -p motorium-view` may compile, counted in the same way. It is a program of its own for their
-/// sake: Foxglove's server runs on tokio.
+/// Crates that `cargo build --release -p motorium-view` may compile, counted in the same way. It is a program
+/// of its own for their sake: Foxglove's server runs on tokio.
 const VIEWER: usize = 209;
 
 /// Standard output of cargo with these arguments, run in the workspace without the network.
@@ -86,8 +91,8 @@ struct Licences {
     allow: BTreeSet<String>,
 }
 
-/// True if an SPDX expression can be met with the licences allowed. `AND` binds closer than `OR`, which old manifests
-/// write as `/`.
+/// True if an SPDX expression can be met with the licences allowed. `AND` binds closer than `OR`, which old
+/// manifests write as `/`.
 fn is_met(expression: &str, allowed: &BTreeSet<String>) -> bool {
     /// The parts between a word that stands outside all parentheses.
     fn parts<'a>(expression: &'a str, word: &str) -> Vec<&'a str> {

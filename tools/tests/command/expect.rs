@@ -1,4 +1,4 @@
-//! Expectations of a run: those of the graph and of the command line, and what becomes of them.
+//! Expectations of a run, in the graph and on the command line, and their verdicts.
 
 use crate::program::{motorium, run};
 

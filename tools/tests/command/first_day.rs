@@ -1,9 +1,10 @@
 //! Mistakes of a first day: each ends in an error or a warning that names it.
 //!
-//! In graphs: a goal out of reach, a start out of limits, a wrong frame, no unit and a wrong one, numbers of another type and
-//! count, degrees, keys that are misspelt or missing. On the command line: a wrong option, a time without a unit; others are in `typed.rs`. In robots: missing
-//! meshes, xacro, nothing to collide with, settings that do not fit. In other files: a recording without a time, a number that
-//! is none, and one kind of file in place of another. A goal out of reach that is tried all the same is in `expect.rs`.
+//! In graphs: a goal out of reach, a start out of limits, a wrong frame, no unit and a wrong one, numbers of
+//! another type and count, degrees, keys that are misspelt or missing. On the command line: a wrong option, a
+//! time without a unit; others are in `typed.rs`. In robots: missing meshes, xacro, nothing to collide with,
+//! settings that do not fit. In other files: a recording without a time, a number that is none, and one kind
+//! of file in place of another. A goal out of reach that is tried all the same is in `expect.rs`.
 
 use std::path::Path;
 
@@ -105,8 +106,8 @@ fn limits_in_degrees_are_reported_in_radians() {
     let text = std::fs::read_to_string(&urdf).expect("it was written");
     let text = text.replace("lower=\"-1\" upper=\"1\"", "lower=\"-90\" upper=\"180\"");
     let (code, errors) = tried(&["robot", "check", &file(folder.path(), "degrees.urdf", &text)]);
-    let told = errors.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(code == Some(0) && told.contains("if these are degrees, write -1.5708 to 3.1416"), "{errors}");
+    let message = errors.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(code == Some(0) && message.contains("if these are degrees, write -1.5708 to 3.1416"), "{errors}");
 }
 
 /// Writes a file into a folder; its path.
@@ -192,9 +193,9 @@ fn graph_settings_of_a_robot_reach_all_components() {
         ("robot.arm.gains={kp=1.0,ki=1.0}", &["unknown key `ki`"]),
     ] {
         let (code, errors) = tried(&["check", &graph, "--set", mistake]);
-        let told = errors.split_whitespace().collect::<Vec<_>>().join(" ");
+        let message = errors.split_whitespace().collect::<Vec<_>>().join(" ");
         assert_eq!(code, Some(3), "{mistake}: {errors}");
-        assert!(words.iter().all(|words| told.contains(words)), "{mistake}: {errors}");
+        assert!(words.iter().all(|words| message.contains(words)), "{mistake}: {errors}");
     }
 }
 
@@ -223,8 +224,8 @@ fn wrong_files_and_untimed_recordings_are_reported() {
         ),
     ] {
         let (code, errors) = tried(arguments);
-        let told = errors.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert!(code == Some(1) && told.contains(words), "{arguments:?}: {errors}");
+        let message = errors.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(code == Some(1) && message.contains(words), "{arguments:?}: {errors}");
     }
 }
 
@@ -285,14 +286,14 @@ fn a_missing_mesh_is_warned_of_by_every_command_that_meets_it() {
         ] {
             let (code, errors) = tried(arguments);
             assert_eq!(code, Some(0), "{arguments:?}: {errors}");
-            let told = errors.split_whitespace().collect::<Vec<_>>().join(" ");
+            let message = errors.split_whitespace().collect::<Vec<_>>().join(" ");
             assert!(
-                told.contains("warning")
-                    && told.contains("link \"arm\": mesh \"")
-                    && told.contains("nowhere"),
+                message.contains("warning")
+                    && message.contains("link \"arm\": mesh \"")
+                    && message.contains("nowhere"),
                 "{arguments:?}: {errors}"
             );
-            assert!(told.contains("arm.stl\" not found in "), "{arguments:?}: {errors}");
+            assert!(message.contains("arm.stl\" not found in "), "{arguments:?}: {errors}");
         }
     }
 }

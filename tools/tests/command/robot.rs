@@ -322,8 +322,8 @@ fn installed_robots_are_found_by_name() {
         String::from_utf8(output.stdout).expect("text")
     };
     for _ in 0..2 {
-        let told = installed(&["robot", "install", "example-robot-data", "--python", &python]);
-        assert!(told.contains("1 robots"), "{told}");
+        let message = installed(&["robot", "install", "example-robot-data", "--python", &python]);
+        assert!(message.contains("1 robots"), "{message}");
     }
     assert!(installed(&["robot", "list"]).contains("walker"));
     assert!(installed(&["robot", "check", "walker"]).contains("robot `own`"));

@@ -66,8 +66,8 @@ fn visual_only_link_gets_a_hull_or_parts() {
     let file = robot(folder.path());
     assert!(loaded(&file).bodies()[0].shapes.is_empty(), "nothing collides before");
     let to = |name: &str| -> String { folder.path().join(name).to_str().expect("text").to_string() };
-    let told = printed(&["robot", "hulls", &file, "--output", &to("hull")]);
-    assert!(told.contains("arm: angle.obj: 1 part, ") && told.contains("swing.urdf"), "{told}");
+    let message = printed(&["robot", "hulls", &file, "--output", &to("hull")]);
+    assert!(message.contains("arm: angle.obj: 1 part, ") && message.contains("swing.urdf"), "{message}");
     let parts = json(&["robot", "hulls", &file, "--output", &to("parts"), "--parts", "8", "--json"]);
     let files = parts["meshes"][0]["files"].as_array().expect("files").len();
     assert!((2..=8).contains(&files), "{parts}");
@@ -92,8 +92,8 @@ fn missing_meshes_are_named_and_required() {
     let own = folder.path().to_str().expect("text");
     assert!(complaint(&["robot", "hulls", &file, "--output", own]).contains("is the robot itself"));
     assert_eq!(loaded(&file).bodies()[0].shapes.len(), 0, "the robot is as it was");
-    let told = complaint(&["robot", "hulls", "panda", "--output", out]);
-    assert!(told.contains("no link of robot `panda` has a mesh"), "{told}");
+    let message = complaint(&["robot", "hulls", "panda", "--output", out]);
+    assert!(message.contains("no link of robot `panda` has a mesh"), "{message}");
     assert!(!PathBuf::from(out).join("panda.urdf").exists());
 }
 

@@ -26,17 +26,18 @@ impl Folder {
 
     /// Writes the first profile.
     fn profile(&self) {
-        let told = printed(&[
+        let message = printed(&[
             "robot",
             "profile",
             &self.text("my-robot.urdf"),
             "--output",
             &self.text("lab/first.toml"),
         ]);
-        assert!(told.contains("profile = ") && told.contains("first.toml"), "{told}");
+        assert!(message.contains("profile = ") && message.contains("first.toml"), "{message}");
     }
 
-    /// A graph that holds the home pose by the controller, with the file and the profile in folders of their own.
+    /// A graph that holds the home pose by the controller, with the file and the profile in folders of their
+    /// own.
     fn graph(&self) -> String {
         let graph = r#"
             name = "hold"
@@ -133,8 +134,8 @@ fn an_edited_profile_is_not_overwritten() {
     let file = file.to_str().expect("a path of text");
     printed(&["robot", "profile", "iiwa14", "--output", file]);
     std::fs::write(file, "edited").expect("written");
-    let told = complaint(&["robot", "profile", "iiwa14", "--output", file]);
-    assert!(told.contains("is not overwritten"), "{told}");
+    let message = complaint(&["robot", "profile", "iiwa14", "--output", file]);
+    assert!(message.contains("is not overwritten"), "{message}");
     assert_eq!(std::fs::read_to_string(file).expect("readable"), "edited");
 }
 
@@ -143,11 +144,14 @@ fn bad_profile_is_reported_at_its_place_in_the_graph() {
     let folder = Folder::new("robots/catalogue/iiwa14/iiwa14.urdf");
     std::fs::create_dir(folder.path("lab")).expect("a folder");
     let graph = folder.graph();
-    let told = complaint(&["check", &graph]);
-    assert!(told.contains("hold.toml:8:23") && told.contains("this profile cannot be used"), "{told}");
-    assert!(told.contains("motorium robot profile FILE"), "{told}");
+    let message = complaint(&["check", &graph]);
+    assert!(
+        message.contains("hold.toml:8:23") && message.contains("this profile cannot be used"),
+        "{message}"
+    );
+    assert!(message.contains("motorium robot profile FILE"), "{message}");
     let other = printed(&["robot", "profile", "ur5e"]);
     std::fs::write(folder.path("lab/first.toml"), other).expect("written");
-    let told = complaint(&["check", &graph]);
-    assert!(told.contains("shoulder_pan_joint") && told.contains("hold.toml:8:23"), "{told}");
+    let message = complaint(&["check", &graph]);
+    assert!(message.contains("shoulder_pan_joint") && message.contains("hold.toml:8:23"), "{message}");
 }

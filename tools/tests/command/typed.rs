@@ -1,4 +1,4 @@
-//! Mistakes on the command line of a first day: each is told once, by the option or the file that was typed.
+//! Mistakes on the command line of a first day: each is reported once, with the typed option or file.
 
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::Path;
@@ -93,10 +93,10 @@ fn wrong_file_types_give_few_errors() {
     let folder = tempfile::tempdir().expect("a folder");
     let lines: String = (0..40).map(|line| format!("user{line}:x:{line}:/bin/sh\n")).collect();
     let (code, errors) = tried(&["check", &file(folder.path(), "passwd", &lines)]);
-    let told = errors.matches("the file is not TOML").count();
+    let message = errors.matches("the file is not TOML").count();
     assert!(
-        code == Some(3) && (1..=5).contains(&told) && errors.contains("39 more errors"),
-        "{told} errors: {errors}"
+        code == Some(3) && (1..=5).contains(&message) && errors.contains("39 more errors"),
+        "{message} errors: {errors}"
     );
     let mut command = motorium(&["check"]);
     command.arg(std::ffi::OsStr::from_bytes(b"nowhere-\xff.toml"));

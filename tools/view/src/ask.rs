@@ -65,7 +65,7 @@ pub(crate) struct Asks {
 
 impl Asks {
     fn send(&self, ask: Ask) {
-        // Nobody follows the run any more: the program ends. What answers is dropped, which the client is told.
+        // The follower is gone and the program ends. Dropping the responder notifies the client.
         let _ = self.sender.send(ask);
     }
 }
@@ -124,8 +124,8 @@ impl Handler for Service {
     }
 }
 
-/// The service that plays a recording, holds it, and goes to another place in it: for our own page, which may do so without the
-/// token since no robot moves by it.
+/// The service that plays a recording, holds it, and goes to another place in it: for our own page, which may
+/// do so without the token since no robot moves by it.
 pub(crate) struct Play(pub(crate) Shared);
 
 /// Request of [`Play`].

@@ -42,7 +42,8 @@ fn searched(tried: &[PathBuf]) -> String {
 }
 
 impl Assets {
-    /// Assets of robots with these folders of packages, beside those of the environment, these files, and these texts by their names.
+    /// Assets of robots with these folders of packages, in addition to the environment's, these files, and
+    /// these texts by their names.
     pub(crate) fn new(packages: Vec<PathBuf>, robots: Vec<PathBuf>, texts: BTreeMap<String, String>) -> Self {
         let mut path = PackagePath::from_env();
         path.folders.splice(0..0, packages);
@@ -70,7 +71,7 @@ impl Assets {
         Err(AssetError::Missing { uri: uri.to_string(), tried })
     }
 
-    /// Reads a file that lies in a folder of packages, or below that of a robot's file or the two above it.
+    /// Reads a file in a package folder, or below the folder of a robot's file or the two folders above it.
     fn read(&self, uri: &str, path: &Path) -> Result<Vec<u8>, AssetError> {
         let failed =
             |reason: std::io::Error| AssetError::Read { uri: uri.to_string(), reason: reason.to_string() };

@@ -21,7 +21,7 @@ const START_WITHIN: Duration = Duration::from_secs(60);
 /// Time that it may take to answer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 
-/// No browser, or one that does not do what it is told.
+/// The browser is missing or does not respond to commands.
 #[derive(Debug, thiserror::Error)]
 pub enum BrowserError {
     /// None is installed.

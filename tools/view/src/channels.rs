@@ -1,4 +1,4 @@
-//! The channels that a plan is served by: those of its topics, and those of messages that never change.
+//! The channels of a plan: its topics, and messages that never change.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -24,8 +24,9 @@ pub(crate) struct Channels {
 }
 
 impl Channels {
-    /// Begins a session called `id`, and advertises the channels of those topics of the plan that are `served`. Viewers are
-    /// told the timeline that these overheads predict. The world is that of the plan, drawn as in `scene`.
+    /// Begins a session called `id`, and advertises the channels of those topics of the plan that are
+    /// `served`. Viewers are sent the timeline predicted by these overheads. The world is the plan's, drawn
+    /// as in `scene`.
     pub(crate) fn open(
         server: &Server,
         id: &str,
@@ -67,13 +68,13 @@ impl Channels {
         Ok(Self { topics, latched, message: Vec::with_capacity(16 * 1024) })
     }
 
-    /// True if somebody looks at a topic, or at pictures whose form it tells.
+    /// True if a client subscribes to a topic, or to pictures whose format it describes.
     pub(crate) fn is_watched(&self, topic: usize) -> bool {
         let mut watched = self.topics.iter().flatten().filter(|(_, raw)| raw.has_sinks());
         watched.any(|(channel, _)| channel.topic == topic || channel.form_topic() == Some(topic))
     }
 
-    /// Sends one sample through those of the channels of its topic that somebody looks at.
+    /// Sends one sample through the subscribed channels of its topic.
     pub(crate) fn send(&mut self, topic: usize, stamp: &Stamp, bytes: &[u8], time_ns: u64) {
         self.topics.iter_mut().flatten().for_each(|(channel, _)| channel.note(topic, bytes));
         for (channel, raw) in self.topics[topic].iter_mut().filter(|(_, raw)| raw.has_sinks()) {

@@ -21,17 +21,18 @@ use crate::page_digest;
 const SIZE: (u32, u32) = (1280, 860);
 /// Time within which the robot must be in the picture.
 const PICTURE_WITHIN: Duration = Duration::from_secs(60);
-/// Samples of each robot that are compared, and the time within which so many must have been seen on both sides.
+/// Samples of each robot that are compared, and the time within which so many must have been seen on both
+/// sides.
 const SAMPLES: usize = 10;
 const COMPARE_WITHIN: Duration = Duration::from_secs(30);
 /// Time over which pictures are counted.
 const COUNTED: Duration = Duration::from_secs(2);
-/// Largest distance between a link as the page draws it and as the run's kinematics have it, m. The page places links by
-/// 32 bit numbers.
+/// Largest distance between a link as the page draws it and as the run's kinematics have it, m. The page
+/// places links by 32 bit numbers.
 const NEAR: f64 = 1e-5;
 
-/// Opens the page, waits for the first picture of the robot, compares values on the page with those of the run, and writes a
-/// picture. `began_ms` is the time of the command, ms since 1970.
+/// Opens the page, waits for the first picture of the robot, compares values on the page with the run's, and
+/// writes a picture. `began_ms` is the time of the command, ms since 1970.
 pub(crate) fn check(
     address: &str,
     picture: &Path,
@@ -92,7 +93,7 @@ pub(crate) fn check(
         println!("{}: all links within {deviation:.0e} m of the run's kinematics", name(robot));
     }
     let errors = state["errors"].as_array().map_or(0, Vec::len);
-    ensure!(errors == 0, "the page tells of errors: {}", state["errors"]);
+    ensure!(errors == 0, "the page reports errors: {}", state["errors"]);
     let made = browser.picture()?;
     let made = with_text(&made, PAGE, &page_digest()).context("the browser has made no PNG file")?;
     std::fs::write(picture, made).with_context(|| picture.display().to_string())?;

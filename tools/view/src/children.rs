@@ -69,8 +69,8 @@ impl Started {
         self.0.try_wait().ok().flatten()
     }
 
-    /// Ends it in good order: the robot comes to its safe state first. `told` is true if it has been asked already, as by
-    /// `Ctrl-C` in the terminal that it shares with the viewer.
+    /// Ends it in good order: the robot comes to its safe state first. `told` is true if it has been asked
+    /// already, as by `Ctrl-C` in the terminal that it shares with the viewer.
     pub(crate) fn end(&mut self, told: bool) {
         if !told {
             interrupt(self.pid());
@@ -137,7 +137,7 @@ impl Drop for Times {
     }
 }
 
-/// Runs a command of `motorium` on a run and gives its words: on success those of standard output.
+/// Runs a command of `motorium` on a run and returns its output: standard output on success.
 pub(crate) fn command(motorium: &PathBuf, arguments: &[&str]) -> Result<String, String> {
     let output = Command::new(motorium).args(arguments).stdin(Stdio::null()).output();
     let output = output.map_err(|error| format!("{} does not start: {error}", motorium.display()))?;

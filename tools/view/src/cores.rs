@@ -3,8 +3,8 @@
 use rustix::process::Pid;
 use rustix::thread::{CpuSet, sched_setaffinity};
 
-/// Moves all threads of this process to these cores; threads that they make later stay there too. Without the right to, they
-/// stay where they are: at normal priority they delay no one.
+/// Moves all threads of this process to these cores; threads that they make later stay there too. Without the
+/// right to, they stay where they are: at normal priority they delay no one.
 pub(crate) fn stand_aside(cores: &[usize]) {
     let mut set = CpuSet::new();
     cores.iter().filter(|core| **core < CpuSet::MAX_CPU).for_each(|core| set.set(*core));

@@ -24,16 +24,17 @@ use crate::server::Server;
 
 /// Time between two looks whether a run begins or ends.
 const LIFE_CHECK: Duration = Duration::from_millis(50);
-/// Time between two looks at parameters, which others may set, and between two reports of the state of the run.
+/// Time between two looks at parameters, which others may set, and between two reports of the state of the
+/// run.
 const SLOWLY: Duration = Duration::from_millis(500);
 
-/// Options of a run that is checked: it goes on for as long as that takes, and is ended then.
+/// Options of a checked run, which lasts until the check is complete.
 const CHECKED_FOR: [&str; 3] = ["--for", "10min", "--no-expect"];
 
 /// Names of the channels that are there whatever runs.
 pub(crate) const RUN: &str = "/motorium/run";
 const TIMES: &str = "/motorium/top";
-/// JSON Schema of the times, that of `motorium top --json`.
+/// JSON Schema of the times, as for `motorium top --json`.
 const TIMES_SCHEMA: &str = include_str!("../schema/top.schema.json");
 pub(crate) const RUN_SCHEMA: &str = include_str!("../schema/run.schema.json");
 
@@ -97,7 +98,8 @@ impl Follower {
         Ok(())
     }
 
-    /// Follows until `over` says so. `interrupted` is set if a signal that a graph started here has got too asks for the end.
+    /// Follows until `over` says so. `interrupted` is set if a signal that a graph started here has got too
+    /// asks for the end.
     pub(crate) fn follow(mut self, over: &AtomicBool, interrupted: &AtomicBool) -> anyhow::Result<()> {
         let period = Duration::from_secs_f64(1.0 / self.request.rate_hz);
         let begun = Instant::now();
@@ -162,7 +164,7 @@ impl Follower {
         Ok(())
     }
 
-    /// The run to join: that of the graph started here, else the newest one of the graph that was joined last.
+    /// The run to join: the run of the graph started here, else the newest run of the last joined graph.
     fn next_run(&self) -> Option<RunFolder> {
         let is_new = |folder: &RunFolder| self.last.as_deref() != Some(folder.id());
         match (&self.started, &self.graph, &self.request.graph) {
@@ -190,7 +192,7 @@ impl Follower {
         Ok(())
     }
 
-    /// The state of the run as viewers are told of it.
+    /// The state of the run as sent to viewers.
     fn state(&self) -> String {
         let latch = self.joined.as_ref().and_then(|joined| joined.region.header().latched());
         let clock = self.joined.as_ref().map(|joined| joined.plan.clock);
@@ -211,12 +213,12 @@ impl Follower {
         .to_string()
     }
 
-    /// Tells of the state of the run: at once when it changes, and again and again, since a viewer that is slow loses messages.
+    /// Sends the state of the run on every change, and periodically, since a slow viewer loses messages.
     fn tell_run(&self) {
         self.run_channel.log(self.state().as_bytes());
     }
 
-    /// Tells of parameters that have another value than before, whoever has set them.
+    /// Sends parameters whose value has changed, by any program.
     fn tell_parameters(&mut self) {
         let Some(joined) = &self.joined else { return };
         let all = parameters::all(&joined.parameters);
@@ -261,7 +263,7 @@ impl Follower {
         }
     }
 
-    /// Sets parameters: all of them, or none if one cannot be set. The viewer is told of the values that are then there.
+    /// Sets all parameters, or none if one cannot be set. Sends the resulting values to the viewer.
     fn set(&mut self, parameters: &[Parameter], client: &AnyClient, responder: SetParametersResponder) {
         let Some(joined) = &self.joined else {
             client.send_error("no graph is running");
@@ -287,7 +289,7 @@ impl Follower {
         let now = parameters::all(&joined.parameters);
         let asked = |parameter: &&Parameter| parameters.iter().any(|asked| asked.name == parameter.name);
         responder.respond(now.iter().filter(asked).cloned().collect());
-        // The one who asked for what could not be is told as well: its slider goes back.
+        // The requesting client gets the refused value's state as well: its slider moves back.
         self.server.publish_parameters(now.iter().filter(asked).cloned().collect());
         self.shown = now;
     }

@@ -1,4 +1,4 @@
-//! The graph of a run as viewers are told of it.
+//! The graph of a run as sent to viewers.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use motorium_bridges::quantities::{entries, quantity};
 use motorium_robots::RobotSource;
 use serde_json::{Value as Json, json};
 
-/// Length of the predicted timeline that viewers are told, ns.
+/// Length of the predicted timeline sent to viewers, ns.
 const PREDICTED_NS: u64 = 10_000_000;
 
 /// The robots of a plan, each once.
@@ -70,24 +70,24 @@ pub(crate) fn describe(run: &str, plan: &Plan, overheads: &Overheads) -> Json {
     })
 }
 
-/// Units of the fields of a topic, and names of the entries of their arrays, where there are any. Names of joints, which all
-/// fields of such a topic share, stand once, for the field `""`.
+/// Units of the fields of a topic, and names of the entries of their arrays, where there are any. Names of
+/// joints, which all fields of such a topic share, stand once, for the field `""`.
 fn fields(plan: &Plan, topic: usize) -> Json {
     let layout = &plan.topics[topic].layout;
-    let mut told = serde_json::Map::new();
+    let mut quantities = serde_json::Map::new();
     let names = |field: &str| entries(plan, topic, field);
     if layout.type_name.starts_with("motorium.Joint") {
-        told.insert(String::new(), json!({ "unit": "", "entries": names("") }));
+        quantities.insert(String::new(), json!({ "unit": "", "entries": names("") }));
     }
-    let of_joints = !told.is_empty();
+    let of_joints = !quantities.is_empty();
     for field in &layout.fields {
         let unit = quantity(&layout.type_name, &field.name).map_or("", |quantity| quantity.unit);
         let entries = if of_joints { Vec::new() } else { names(&field.name) };
         if !unit.is_empty() || !entries.is_empty() {
-            told.insert(field.name.clone(), json!({ "unit": unit, "entries": entries }));
+            quantities.insert(field.name.clone(), json!({ "unit": unit, "entries": entries }));
         }
     }
-    Json::Object(told)
+    Json::Object(quantities)
 }
 
 fn component(plan: &Plan, component: &ComponentPlan) -> Json {

@@ -64,12 +64,12 @@ impl Source {
 }
 
 impl Joined {
-    /// Joins a run and advertises its channels; viewers are told the timeline that these overheads predict.
+    /// Joins a run and advertises its channels, with the timeline predicted by these overheads.
     pub(crate) fn open(folder: RunFolder, server: &Server, overheads: &Overheads) -> anyhow::Result<Self> {
         let (plan, region) = (folder.plan()?, folder.region()?);
         anyhow::ensure!(
             region.fits(&plan),
-            "the control block of run {} is not that of its plan: its shared memory was damaged",
+            "the control block of run {} does not match its plan: its shared memory was damaged",
             folder.id()
         );
         let domain = folder.domain()?;
@@ -86,7 +86,7 @@ impl Joined {
         self.region.header().command() == Command::Stop || !self.folder.is_alive()
     }
 
-    /// Sends the newest sample of each topic that somebody looks at, and all of those of which none may be left out.
+    /// Sends the newest sample of each subscribed state, and all samples of subscribed streams.
     pub(crate) fn send(&mut self) {
         for (index, topic) in self.topics.iter_mut().enumerate() {
             if !self.channels.is_watched(index) {

@@ -1,9 +1,9 @@
 //! The viewer of motorium: a program beside `motorium`, which starts it by `motorium view`.
 //!
-//! It serves one port of the loopback interface: a page of its own over HTTP, and Foxglove's WebSocket protocol
-//! (`foxglove.sdk.v1`), which the page speaks as Foxglove and Lichtblick do. What it sends it reads from the shared memory of
-//! the run by taps, from the shared cores, at most [`Request::rate_hz`] times a second, and only while somebody looks: no
-//! component waits for it or does anything for it.
+//! It serves one port of the loopback interface: a page of its own over HTTP, and Foxglove's WebSocket
+//! protocol (`foxglove.sdk.v1`), which the page speaks as Foxglove and Lichtblick do. What it sends it reads
+//! from the shared memory of the run by taps, from the shared cores, at most [`Request::rate_hz`] times a
+//! second, and only while somebody looks: no component waits for it or does anything for it.
 //!
 //! | module | contents |
 //! |---|---|
@@ -12,7 +12,7 @@
 //! | `server`, `ask`, `rights`, `assets` | the server of the protocol: channels, services, parameters, files; the token |
 //! | `follow`, `joined`, `parameters` | the run: finding it, reading it |
 //! | `playback` | a recording in place of a run |
-//! | `channels`, `graph`, `world` | what is told of a graph and its topics |
+//! | `channels`, `graph`, `world` | the description of a graph and its topics |
 //! | `children`, `cores` | commands of `motorium` that it starts; keeping off the real-time cores |
 //! | `watch` | a client that looks at everything, for measurements |
 //! | `browser`, `check` | a look at the page in a headless browser |

@@ -32,7 +32,8 @@ pub struct Request {
     /// Options for `motorium run`, besides the graph.
     #[serde(default)]
     pub arguments: Vec<String>,
-    /// Id of the run to look at first; then the newest run of its graph. Without it, and without a graph, any newest run.
+    /// Id of the run to look at first; then the newest run of its graph. Without it, and without a graph, any
+    /// newest run.
     #[serde(default)]
     pub run: Option<String>,
     /// Port on the loopback interface; 0 for any that is free.
@@ -42,7 +43,8 @@ pub struct Request {
     /// File for a picture of the page, made by a headless browser that also checks it; `None` to serve.
     #[serde(default)]
     pub headless_check: Option<PathBuf>,
-    /// True if a client of the viewer's own looks at everything that it serves, as measurements of its cost need it.
+    /// True if a client of the viewer's own looks at everything that it serves, as measurements of its cost
+    /// need it.
     #[serde(default)]
     pub watched: bool,
     /// Overheads of this machine, for the predicted timeline; `None` for the cautious ones.

@@ -23,8 +23,8 @@ impl Rights {
         Self { token, holders: Mutex::default() }
     }
 
-    /// Takes the token out of parameters that a client sets, and gives it the right to command if it is the right one. False
-    /// if a wrong one is among them.
+    /// Takes the token out of parameters that a client sets, and gives it the right to command if it is the
+    /// right one. False if a wrong one is among them.
     pub(crate) fn take_token(&self, client: ClientId, parameters: &mut Vec<Parameter>) -> bool {
         let mut right = true;
         parameters.retain(|parameter| {
@@ -57,7 +57,7 @@ pub(crate) fn new_token() -> std::io::Result<String> {
     Ok(random_bytes::<16>()?.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// True if a token is the right one. The time it takes does not tell how much of it is right.
+/// Compares a token in constant time.
 pub(crate) fn is_token(token: &str, given: &str) -> bool {
     let differences = token.bytes().zip(given.bytes()).fold(0, |all, (one, other)| all | (one ^ other));
     token.len() == given.len() && differences == 0

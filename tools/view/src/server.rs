@@ -26,7 +26,8 @@ impl std::fmt::Debug for Server {
 }
 
 impl Server {
-    /// Starts it on a free port of the loopback interface, on this runtime: for a run, or for a recording of these times.
+    /// Starts it on a free port of the loopback interface, on this runtime: for a run, or for a recording of
+    /// these times.
     pub(crate) async fn start(asks: Asks, recorded: Option<(u64, u64)>) -> anyhow::Result<Self> {
         let context = Context::new();
         let assets = Arc::new(RwLock::new(Assets::default()));
@@ -60,8 +61,8 @@ impl Server {
         ([127, 0, 0, 1], self.handle.port()).into()
     }
 
-    /// Tells viewers that another run begins: they forget what they have seen of the one before. Its channels are advertised
-    /// after this.
+    /// Notifies viewers that another run begins, so that they discard the previous one. Its channels are
+    /// advertised after this.
     pub(crate) fn begin_session(&self, run: &str, assets: Assets) {
         self.handle.clear_session(Some(run.to_string()));
         *self.assets.write().unwrap_or_else(std::sync::PoisonError::into_inner) = assets;
@@ -88,12 +89,12 @@ impl Server {
         self.channel(topic, "json", Schema::new(name, "jsonschema", schema.as_bytes().to_vec()))
     }
 
-    /// Tells viewers how a recording is played.
+    /// Sends the playback state of a recording to viewers.
     pub(crate) fn tell_playback(&self, state: PlaybackState) {
         self.handle.broadcast_playback_state(state);
     }
 
-    /// Tells viewers of the values of parameters.
+    /// Sends the values of parameters to viewers.
     pub(crate) fn publish_parameters(&self, parameters: Vec<Parameter>) {
         if !parameters.is_empty() {
             self.handle.publish_parameter_values(parameters);
@@ -123,7 +124,7 @@ const PLAY: &str = r#"{
   "required": ["plays"],
   "properties": {
     "plays": { "type": "boolean", "description": "True to play, false to hold" },
-    "speed": { "type": "number", "description": "Speed, times that of the recording" },
+    "speed": { "type": "number", "description": "Speed, relative to the recording" },
     "place_s": { "type": "number", "description": "Place to go to: time since the start, s" }
   }
 }"#;

@@ -12,9 +12,9 @@ use crate::{exit, report, style};
 
 /// Compare two files of `motorium bench latency --json`.
 ///
-/// Compares ratios to the floors of each file, never times. A change counts if it exceeds 10 % and the variation of the
-/// turns within each file; with fewer than five turns, if it exceeds 50 %.
-/// Exit code 6 if anything is slower.
+/// Compares ratios to the floors of each file, never times. A change counts if it exceeds 10 % and the
+/// variation of the turns within each file; with fewer than five turns, if it exceeds 50 %. Exit code 6 if
+/// anything is slower.
 ///
 /// Example: motorium bench compare before.json after.json
 #[derive(Debug, clap::Args)]

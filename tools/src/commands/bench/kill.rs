@@ -16,9 +16,9 @@ use crate::{exit, registry, report, style};
 
 /// Kill, stop and hang the processes of running graphs, and measure the consequences.
 ///
-/// Starts the graph as `motorium run` does, with restarts allowed, and hits its processes by signals: components,
-/// launcher, guard, and a `topic echo` that looks on. Prints how long the robot took to its safe state and the component
-/// to come back. Exit code 1 if anything hung, was left behind, or was unsafe.
+/// Starts the graph as `motorium run` does, with restarts allowed, and hits its processes by signals:
+/// components, launcher, guard, and a `topic echo` that looks on. Prints how long the robot took to its safe
+/// state and the component to come back. Exit code 1 if anything hung, was left behind, or was unsafe.
 ///
 /// Example: motorium bench kill --count 100 --victim controller --fault hang
 #[derive(Debug, clap::Args)]
@@ -48,7 +48,8 @@ pub(crate) struct Kill {
     /// Print the table as Markdown
     #[arg(long, conflicts_with = "json")]
     markdown: bool,
-    /// Print the outcome of each fault in each process as Markdown, as in the book; the table then goes to standard error
+    /// Print the outcome of each fault in each process as Markdown, as in the book; the table then goes to
+    /// standard error
     #[arg(long, conflicts_with_all = ["json", "markdown"])]
     matrix: bool,
 }
@@ -151,7 +152,7 @@ fn row(cells: &[String]) -> String {
     format!("| {} |\n", cells.join(" | "))
 }
 
-/// A row for each fault, a column for each process: what the robot does, and how the process goes on.
+/// A row per fault and a column per process: the behaviour of the robot and the fate of the process.
 fn matrix(settings: &Settings, summary: &Summary) -> String {
     let head: Vec<String> =
         ["fault".to_string()].into_iter().chain(settings.victims.iter().map(ToString::to_string)).collect();

@@ -18,19 +18,19 @@ use crate::chart::plot;
 use crate::out::{err, errln, out};
 use crate::{exit, registry, style};
 
-/// `SCHED_FIFO` priority of the measured processes: that of the fastest component of a graph.
+/// `SCHED_FIFO` priority of the measured processes, equal to the fastest component's in a graph.
 const FIFO: u8 = 80;
 
 /// Floors of the machine, motorium and peers side by side.
 ///
-/// Measures in one run the floors of this machine (a cache line, a futex, a timer) and motorium beside them, and
-/// reports which targets are met. No sample is dropped: the maximum is the longest of all.
+/// Measures in one run the floors of this machine (a cache line, a futex, a timer) and motorium beside them,
+/// and reports which targets are met. No sample is dropped: the maximum is the longest of all.
 ///
 /// Example: motorium bench latency --output bench.json --plot bench.svg
 #[derive(Debug, clap::Args)]
 pub(crate) struct Latency {
-    /// Print the raw histograms, the machine and the table of targets as JSON (to the file of `--output`, if that is
-    /// given); the tables then go to standard error
+    /// Print the raw histograms, the machine and the table of targets as JSON (to the file of `--output`, if
+    /// that is given); the tables then go to standard error
     #[arg(long)]
     json: bool,
     /// Write the JSON to this file; the tables stay on standard output
@@ -51,8 +51,8 @@ pub(crate) struct Latency {
     /// The tool that loads the machine for measurements under load; the first that is installed if not given
     #[arg(long, value_name = "TOOL", value_parser = ["stress-ng", "hackbench", "own"])]
     load: Option<String>,
-    /// Fewer and shorter measurements, in well under a minute: those for the targets of hops, releases and the chain of
-    /// 4
+    /// Fewer and shorter measurements, in well under a minute: those for the targets of hops, releases and
+    /// the chain of 4
     #[arg(long)]
     quick: bool,
     /// Measure other systems too, as far as they are installed (see benches/peers)
@@ -86,15 +86,16 @@ impl Latency {
             panda_seconds: self.seconds.unwrap_or(if self.quick { 2 } else { 42 }),
             loader: self.loader()?,
         };
-        // As graphs do while they run, so that floors and peers find what graphs find; the machine's line says whether
-        // it holds.
+        // As graphs do while they run, so that floors and peers find what graphs find; the machine's line
+        // says whether it holds.
         let _idle_limit = IdleLimit::hold(Duration::ZERO);
         if self.ratchet {
             return ratchet::run(&bench);
         }
         let began = Instant::now();
         let cases = self.choose()?;
-        // A file that cannot be written is better known now than in five minutes; what it holds stays until then.
+        // A file that cannot be written is better known now than in five minutes; what it holds stays until
+        // then.
         let open = |file: &Option<PathBuf>| {
             let open = |file: &PathBuf| {
                 let opened = File::options().write(true).create(true).truncate(false).open(file);
@@ -163,7 +164,8 @@ impl Latency {
         Ok(if written.measurements.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
     }
 
-    /// The cases to measure, in the order of the catalogue, those that are compared with each other side by side.
+    /// The cases to measure, in the order of the catalogue, those that are compared with each other side by
+    /// side.
     fn choose(&self) -> anyhow::Result<Vec<Case>> {
         let all = catalogue();
         if let Some(word) = self.only.iter().find(|word| !all.iter().any(|case| case.is_meant_by(word))) {
@@ -239,7 +241,7 @@ fn denied(measurements: &[Measurement]) -> Vec<String> {
         return Vec::new();
     }
     vec![format!(
-        "SCHED_FIFO {FIFO} was denied to {}: these figures are those of normal time sharing; `motorium doctor` says \
+        "SCHED_FIFO {FIFO} was denied to {}: these figures are for normal time sharing; `motorium doctor` says \
          what to change",
         without.join(", ")
     )]

@@ -10,7 +10,8 @@ mod table;
 
 use std::process::ExitCode;
 
-/// Measure motorium on this machine, compare two such measurements, make faults, and tell the cost of a recording.
+/// Measure motorium on this machine, compare two measurements, inject faults, and measure the cost of
+/// recording.
 ///
 /// Example: motorium bench latency --quick
 #[derive(Debug, clap::Args)]

@@ -1,4 +1,5 @@
-//! Other systems, as far as they are installed: `benches/peers/measure` runs them and prints its measurements.
+//! Other systems, as far as they are installed: `benches/peers/measure` runs them and prints its
+//! measurements.
 
 use std::io::{BufRead as _, BufReader};
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! The ratchet: fails when hops, releases or chains exceed their bounds, as ratios to the floors of the same run.
+//! The ratchet: fails when hops, releases or chains exceed their bounds, as ratios to the floors of the same
+//! run.
 
 use std::process::ExitCode;
 
@@ -8,13 +9,14 @@ use motorium_benches::{Distribution, MeasureError};
 use crate::out::outln;
 use crate::{exit, style};
 
-/// Number of rounds whose median counts, so that one disturbed by another process or by the host has no effect.
+/// Number of rounds whose median counts, so that one disturbed by another process or by the host has no
+/// effect.
 const ROUNDS: usize = 5;
 /// More rounds before it fails.
 const MORE_ROUNDS: usize = 4;
 
-/// The measurements compared, and the largest ratio that passes: well above what a machine shows on its good and its
-/// bad days, so that noise does not fail it and another wake-up, sleep or copy on the way does.
+/// The measurements compared, and the largest ratio that passes: well above what a machine shows on its good
+/// and its bad days, so that noise does not fail it and another wake-up, sleep or copy on the way does.
 struct Bound {
     what: &'static str,
     of: &'static str,

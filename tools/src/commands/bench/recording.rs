@@ -23,10 +23,11 @@ use crate::{registry, report};
 
 /// Run a graph with a recorder of all topics and without, in turns, and compare its times.
 ///
-/// Each turn is a run without and one with `--record`, in real time. With `--view` that one is looked at, too: by `motorium view`
-/// with a client that has subscribed to every channel. Prints, of each latency of the graph and of the execution time
-/// of each component, the medians of the turns and the ratio with / without, with the least and the greatest ratio of any turn:
-/// where these lie on both sides of 1, the recorder's cost is below the noise. Run it on a machine that does nothing else.
+/// Each turn is a run without and one with `--record`, in real time. With `--view` that one is looked at,
+/// too: by `motorium view` with a client that has subscribed to every channel. Prints, of each latency of the
+/// graph and of the execution time of each component, the medians of the turns and the ratio with / without,
+/// with the least and the greatest ratio of any turn: where these lie on both sides of 1, the recorder's cost
+/// is below the noise. Run it on a machine that does nothing else.
 ///
 /// Example: motorium bench recording graphs/panda-reach.toml --turns 9
 #[derive(Debug, clap::Args)]
@@ -102,7 +103,7 @@ impl Recording {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The times of all turns, and the cost of the recorder; or an exit code if the graph is none.
+    /// The times of all turns, and the cost of the recorder; or an exit code if the graph is invalid.
     fn measure(&self, file: &Path) -> anyhow::Result<Result<(Vec<Row>, Cost), ExitCode>> {
         let overlay = Overlay::recording(file, None, true)?;
         let mut plans = Vec::new();
@@ -204,8 +205,8 @@ impl Row {
     }
 }
 
-/// A quantile of a histogram, ns, interpolated evenly within its bucket: buckets are up to a 32nd wide, and a recorder's cost
-/// is less.
+/// A quantile of a histogram, ns, interpolated evenly within its bucket: buckets are up to a 32nd wide, and a
+/// recorder's cost is less.
 fn quantile(snapshot: &Snapshot, share: f64) -> f64 {
     let (wanted, mut seen) = (share * snapshot.count() as f64, 0.0);
     // The last bucket is full up to there.

@@ -20,7 +20,7 @@ pub(super) fn header() -> String {
 /// One measurement, made on this core.
 pub(super) fn row(measurement: &Measurement, core: usize) -> String {
     let ns = &measurement.ns;
-    // a peer's own tool may not tell
+    // unknown for a peer's own tool
     let known = |percentile: u64| {
         if percentile == 0 && ns.max > 0 { "-".to_string() } else { microseconds(percentile) }
     };

@@ -12,7 +12,7 @@ use motorium_benches::pair::{self, PingPong, Transport};
 
 use crate::commands::doctor::measure_wake_up;
 
-/// Priority of the measuring threads: that of the fastest components.
+/// Priority of the measuring threads, equal to the fastest components'.
 const FIFO: u8 = 80;
 /// Bytes of a sample that is handed over: a joint state of a robot arm.
 const BYTES: usize = 512;
@@ -115,8 +115,8 @@ struct Beside {
     ns: [u64; 2],
 }
 
-/// Cost of the worker per step, and the additional cost of a release by the clock: the most of any component, at
-/// p50 or at p99, whichever is more. `hop` is what a hand-over on a core takes, p50 and p99.
+/// Cost of the worker per step, and the additional cost of a release by the clock: the most of any component,
+/// at p50 or at p99, whichever is more. `hop` is what a hand-over on a core takes, p50 and p99.
 fn split(besides: &[Beside], hop: [u64; 2]) -> (u64, u64) {
     let most = |release: Released, less: [u64; 2]| {
         let of = besides.iter().filter(|beside| beside.release == release);
@@ -126,7 +126,7 @@ fn split(besides: &[Beside], hop: [u64; 2]) -> (u64, u64) {
     let clock = most(Released::Clock, [0; 2]);
     let worker = most(Released::SameCore, hop)
         .or_else(|| most(Released::OtherCore, [cautious.look_ns; 2]))
-        // nothing but the clock releases anything here: the two cannot be told apart
+        // only the clock releases components here: the two cannot be separated
         .unwrap_or_else(|| cautious.worker_ns.min(clock.unwrap_or(cautious.worker_ns)))
         .max(1);
     (worker, clock.map_or(cautious.timer_ns, |clock| clock.saturating_sub(worker)))

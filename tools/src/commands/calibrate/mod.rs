@@ -26,8 +26,8 @@ use crate::{overheads, registry, style};
 
 /// Measure this machine and the components of a graph, and propose budgets.
 ///
-/// Runs the graph in real time, even if its budgets cannot hold. Stop other work first: disturbances count as overhead
-/// of the machine.
+/// Runs the graph in real time, even if its budgets cannot hold. Stop other work first: disturbances count as
+/// overhead of the machine.
 ///
 /// Example: motorium calibrate graphs/panda-reach.toml --for 30s --save
 #[derive(Debug, clap::Args)]

@@ -12,8 +12,9 @@ use crate::out::outln;
 
 /// Make an adapter with slcan on a serial line an interface of the kernel, until Ctrl-C.
 ///
-/// The adapter gets the bitrate, the driver of the kernel is put on the line, and the interface is brought up. Its name is printed.
-/// That needs the right to administer the network (`sudo`), and the driver: `sudo modprobe slcan`.
+/// The adapter gets the bitrate, the driver of the kernel is put on the line, and the interface is brought
+/// up. Its name is printed. That needs the right to administer the network (`sudo`), and the driver: `sudo
+/// modprobe slcan`.
 ///
 /// Example: motorium can attach /dev/ttyACM0
 #[derive(Debug, clap::Args)]

@@ -16,8 +16,9 @@ use crate::{registry, robots};
 
 /// Measure the offsets of the drives of a graph, while the robot is held in a pose of its profile.
 ///
-/// No drive is enabled, and one that another program commands is left alone: the command refuses to go on. Drives that tell their
-/// settings are compared with the table first. It prints what to write into the drive table, and changes no file.
+/// No drive is enabled. If another program commands a drive, the command stops. Drives that tell their
+/// settings are compared with the table first. It prints what to write into the drive table, and changes no
+/// file.
 ///
 /// Example: motorium can calibrate graphs/arm-can.toml --pose ready
 #[derive(Debug, clap::Args)]

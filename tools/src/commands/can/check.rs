@@ -12,7 +12,8 @@ use crate::failure::{Failure, Kind};
 use crate::out::{out, outln};
 use crate::registry;
 
-/// Check what the adapters of a graph put on their CAN buses: bits with the most stuffing, turn-round, share of the cycle.
+/// Check what the adapters of a graph put on their CAN buses: bits with the most stuffing, turn-round, share
+/// of the cycle.
 ///
 /// The exit code is 3 if the graph is not right, such as when the frames of a cycle do not fit.
 ///
@@ -133,7 +134,7 @@ fn homing(order: u8, drive: &DriveEntry) -> Value {
     })
 }
 
-/// The homing of a drive in words, in the units of the drive where it is told numbers.
+/// The homing of a drive as text, with numbers in the units of the drive.
 fn describe_homing(drive: &DriveEntry) -> String {
     let Some(homing) = &drive.homing else { return String::new() };
     let number = |value: Option<f64>| value.unwrap_or_default();

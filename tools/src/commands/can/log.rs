@@ -18,9 +18,9 @@ use crate::out::{errln, outln};
 
 /// Print what goes over CAN buses, in the format of `candump -L`, or keep it in a file.
 ///
-/// Reports of controllers are kept as error frames, as candump does. With `--dbc` each line that is printed ends in the words
-/// of the database, behind `::`. The exit code is 1 if nothing was received, and 3 if a line of the log, or the database, is
-/// none.
+/// Reports of controllers are kept as error frames, as candump does. With `--dbc` each line that is printed
+/// ends in the words of the database, behind `::`. The exit code is 1 if nothing was received, and 3 if a
+/// line of the log, or the database, is none.
 ///
 /// Example: motorium can log can0 can1 --for 10s --output ride.log
 #[derive(Debug, clap::Args)]

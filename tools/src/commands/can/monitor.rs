@@ -17,13 +17,14 @@ use crate::screen::is_drawable;
 
 /// Show what goes over CAN buses: frames, rates, ages and errors, by identifier.
 ///
-/// On a terminal the table is redrawn in place; elsewhere it is printed once each interval. With `--dbc` the newest frame of
-/// each identifier is put into the words of the database.
+/// On a terminal the table is redrawn in place; elsewhere it is printed once each interval. With `--dbc` the
+/// newest frame of each identifier is put into the words of the database.
 ///
 /// Example: motorium can monitor can0 --bitrate 1000000
 #[derive(Debug, clap::Args)]
 pub(super) struct Monitor {
-    /// The interfaces, such as `can0`, or `unix:NAME` of a simulated bus; all of the kernel that are up if not given
+    /// The interfaces, such as `can0`, or `unix:NAME` of a simulated bus; all of the kernel that are up if
+    /// not given
     interfaces: Vec<String>,
     /// Bits per second, from which the load follows; as the interface has it if not given
     #[arg(long, value_name = "BITS")]

@@ -14,22 +14,25 @@ use crate::report::table;
 
 /// List the CAN interfaces of this computer, or the devices on one of them.
 ///
-/// Without an interface it lists those that there are. With one it reads the registers of Damiao drives 1 to 15, which changes
-/// nothing, and listens for the heartbeats of ODrives and CANopen nodes. It never enables a drive.
+/// Without an interface it lists those that there are. With one it reads the registers of Damiao drives 1 to
+/// 15, which changes nothing, and listens for the heartbeats of ODrives and CANopen nodes. It never enables a
+/// drive.
 ///
-/// With `--fd` it reads the registers of moteus 1 to 126 as well, by frames of CAN FD. A node that knows classic frames only disturbs
-/// those until the interface leaves the bus: use it only where every node knows CAN FD, and while no robot runs on the bus. None is
-/// sent if a classic frame or an error was received before, and no more after the first error.
+/// With `--fd` it reads the registers of moteus 1 to 126 as well, by frames of CAN FD. A node that knows
+/// classic frames only disturbs those until the interface leaves the bus: use it only where every node knows
+/// CAN FD, and while no robot runs on the bus. None is sent if a classic frame or an error was received
+/// before, and no more after the first error.
 ///
-/// A path is a serial line. An adapter with slcan on it is found by the version that it tells, and the bus behind it is looked at
-/// with `--bitrate`. On any other line servos are looked for at several speeds, by asking each number whether it is there.
+/// A path is a serial line. An slcan adapter is detected by its version, and its bus is scanned with
+/// `--bitrate`. On any other line servos are looked for at several speeds, by asking each number whether it
+/// is there.
 ///
 /// The exit code is 1 if there is no interface, or no device on the one that is named.
 ///
 /// Example: motorium can scan can0
 #[derive(Debug, clap::Args)]
 pub(super) struct Scan {
-    /// The interface, such as `can0` or `/dev/ttyACM0`; lists those of the kernel if not given
+    /// The interface, such as `can0` or `/dev/ttyACM0`; default: list the kernel's
     interface: Option<String>,
     /// Bits per second of the bus behind an adapter with slcan; 1000000 if not given
     #[arg(long, value_name = "BITS", requires = "interface")]
@@ -37,7 +40,8 @@ pub(super) struct Scan {
     /// Bits per second of the data of CAN FD frames behind such an adapter
     #[arg(long, value_name = "BITS", requires = "interface")]
     data_bitrate: Option<u32>,
-    /// Look for drives that speak CAN FD as well, on a bus whose nodes all do; behind an adapter with slcan with `--data-bitrate`
+    /// Look for drives that speak CAN FD as well, on a bus whose nodes all do; behind an adapter with slcan
+    /// with `--data-bitrate`
     #[arg(long, requires = "interface")]
     fd: bool,
     /// Speeds at which servos are looked for on a serial line, bit/s; all that are usual if not given
@@ -101,7 +105,7 @@ impl Scan {
         Ok(if found.devices.is_empty() { exit::FAILED } else { ExitCode::SUCCESS })
     }
 
-    /// Refuses those of these options that were given, which do nothing on such a bus.
+    /// Refuses the given options that have no effect on such a bus.
     fn refuse_idle(&self, options: &[&str], bus: &str) -> anyhow::Result<()> {
         let given = |option: &str| match option {
             "--bitrate" => self.bitrate.is_some(),
@@ -190,7 +194,8 @@ fn devices(found: &Found) -> Vec<Value> {
     found.devices.iter().map(device).collect()
 }
 
-/// The outcome of the search for drives that speak CAN FD, and the number that it ended before; `null` if it was not wanted.
+/// The outcome of the search for drives that speak CAN FD, and the number that it ended before; `null` if it
+/// was not wanted.
 fn fd_search(search: FdSearch) -> Value {
     match search {
         FdSearch::NotWanted => Value::Null,
@@ -239,7 +244,7 @@ fn words(kind: &DeviceKind) -> String {
     match kind {
         DeviceKind::Damiao { master, watchdog_ns, ranges } => {
             let watchdog = match watchdog_ns {
-                None => "watchdog not told".to_string(),
+                None => "watchdog not reported".to_string(),
                 Some(0) => "watchdog off".to_string(),
                 Some(ns) => format!("watchdog {} ms", *ns as f64 * 1e-6),
             };
@@ -276,6 +281,8 @@ mod tests {
             words(&DeviceKind::Damiao { master: 0x11, watchdog_ns, ranges: [Some(12.5), None, Some(10.0)] })
         };
         assert_eq!(of(Some(0)), "damiao   answers as 0x011, watchdog off, 12.5 rad, ? rad/s, 10 N m");
-        assert!(of(None).contains("watchdog not told") && of(Some(20_000_000)).contains("watchdog 20 ms"));
+        assert!(
+            of(None).contains("watchdog not reported") && of(Some(20_000_000)).contains("watchdog 20 ms")
+        );
     }
 }

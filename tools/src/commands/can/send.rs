@@ -16,10 +16,11 @@ use crate::out::errln;
 
 /// Send frames onto a CAN bus, or play a log.
 ///
-/// A frame is written as candump does: `123#0102`, `123##10102` (CAN FD), `00000123#01` (29 bits), `123#R` (remote). A log is
-/// played with its pauses. A drive that is enabled obeys every frame that is for it: mind the robot.
+/// A frame is written as candump does: `123#0102`, `123##10102` (CAN FD), `00000123#01` (29 bits), `123#R`
+/// (remote). A log is played with its pauses. A drive that is enabled obeys every frame that is for it: mind
+/// the robot.
 ///
-/// The exit code is 3 if a frame or a line of the log is none.
+/// The exit code is 3 if a frame or a line of the log is invalid.
 ///
 /// Example: motorium can send can0 001#FFFFFFFFFFFFFFFD
 #[derive(Debug, clap::Args)]
@@ -80,7 +81,7 @@ impl Send {
         Ok(ExitCode::SUCCESS)
     }
 
-    /// The frames; or the place of one that is none, and why.
+    /// The frames, or the position of the first invalid one with the reason.
     fn records(&self) -> anyhow::Result<Result<Vec<Record>, (String, RecordError)>> {
         let Some(path) = &self.log else {
             let frame = |frame: &String| {

@@ -96,7 +96,7 @@ impl SignalRow {
 }
 
 impl Traffic {
-    /// Counts on a bus, whose load is told if its rates are known.
+    /// Counts on a bus; the load is known if its bitrates are.
     pub(super) fn follow(&mut self, interface: &str, rates: Option<Rates>) {
         self.buses.entry(interface.to_string()).or_default().rates = rates;
     }
@@ -128,7 +128,7 @@ impl Traffic {
         line.text = words.map_or_else(String::new, Decoded::to_string);
     }
 
-    /// The table at `now_us`, `seconds` after the last one, whose counts begin anew.
+    /// The table at `now_us`, `seconds` after the last one; resets its counts.
     pub(super) fn table(&mut self, now_us: u64, seconds: f64) -> Vec<BusRow> {
         let row = |(name, bus): (&String, &mut Bus)| {
             let new: u64 = bus.ids.values().map(|line| line.new).sum();

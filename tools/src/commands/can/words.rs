@@ -14,7 +14,7 @@ pub(super) struct Words {
     /// A DBC file: the names, units and values of what frames carry
     #[arg(long, value_name = "FILE")]
     dbc: Option<PathBuf>,
-    /// Bits of the identifiers that count, such as 0x1F for ODrives, whose database is that of node 0
+    /// Identifier bits that count, such as 0x1F for ODrives, whose database is for node 0
     #[arg(long, value_name = "BITS", requires = "dbc", value_parser = mask)]
     dbc_mask: Option<u32>,
 }
@@ -36,7 +36,7 @@ const LONGEST: u64 = 256 << 20;
 pub(super) struct Interpreter(Option<Database>);
 
 impl Words {
-    /// Reads the database, if one is named; the exit code where it cannot be read, which has been told.
+    /// Reads the database, if one is named; an exit code if it cannot be read, after reporting the error.
     pub(super) fn interpreter(&self) -> Result<Interpreter, ExitCode> {
         let Some(path) = &self.dbc else { return Ok(Interpreter(None)) };
         let refuse = |cause: &dyn core::fmt::Display, code| {
@@ -45,7 +45,7 @@ impl Words {
         };
         let bytes = motorium_recordings::read_bounded(path, LONGEST);
         let bytes = bytes.map_err(|error| refuse(&error, exit::FAILED))?;
-        // the names in old files are those of Western Windows, a byte a letter
+        // names in old files are in Windows-1252, one byte per letter
         let text = String::from_utf8(bytes)
             .unwrap_or_else(|error| error.as_bytes().iter().map(|byte| char::from(*byte)).collect());
         let read = Database::parse(&text).and_then(|database| match self.dbc_mask {

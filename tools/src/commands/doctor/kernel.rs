@@ -70,8 +70,8 @@ fn check_version(version: &str) -> Finding {
     Finding::pass("kernel", format!("Linux {release}"))
 }
 
-/// The preemption model, from the kernel's own report, the boot command line, or the build configuration, in this
-/// order.
+/// The preemption model, from the kernel's own report, the boot command line, or the build configuration, in
+/// this order.
 fn preemption(
     version: &str,
     realtime: Option<&str>,

@@ -32,12 +32,12 @@ pub(super) struct Leftovers {
 impl Leftovers {
     /// Finds what ended runs of this user left in shared memory.
     pub(super) fn find(shared: &Path) -> Self {
-        // Objects first: one that is made after this look cannot be taken for that of a run that is gone.
+        // Objects first: an object created later cannot be mistaken for a leftover.
         let user = rustix::process::getuid().as_raw();
         let ours = objects(shared, OURS, Some(user));
         let foreign = objects(shared, FOREIGN, None);
         let all = RunFolder::list();
-        // The folder of a run may lie where this container does not see it: its lock beside the objects tells then.
+        // The folder of a run may be invisible in this container; the lock of its objects then decides.
         let elsewhere = held(&ours);
         let known: Vec<String> =
             all.iter().map(|run| format!("{OURS}{}_", run.id())).chain(elsewhere).collect();

@@ -95,7 +95,7 @@ fn check_deadline(tried: &Result<(), String>) -> Finding {
     }
 }
 
-/// Held by the thread that tries to lock memory: that of the whole process.
+/// Held by the thread that tries to lock memory, which affects the whole process.
 static TRYING: Mutex<()> = Mutex::new(());
 
 fn try_locking() -> Result<(), String> {

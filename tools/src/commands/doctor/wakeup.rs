@@ -27,8 +27,9 @@ pub(super) struct Measured {
     pub(super) core: Option<usize>,
 }
 
-/// Measures for this time on the core that graphs choose for real-time components, at real-time priority if that is
-/// granted and with idle states limited as graphs limit them. Every component of a running graph preempts it.
+/// Measures for this time on the core that graphs choose for real-time components, at real-time priority if
+/// that is granted and with idle states limited as graphs limit them. Every component of a running graph
+/// preempts it.
 pub(super) fn measure(time: Duration) -> Option<Measured> {
     let beside = RunFolder::list().iter().any(RunFolder::is_alive);
     let priority = if beside { 1 } else { privileges::PRIORITY };

@@ -23,8 +23,8 @@ struct Table {
     latencies: Vec<LatencyReport>,
 }
 
-/// Finds the source: a file with the report of a run, or a run by its id or its graph's name; without an argument
-/// the newest run.
+/// Finds the source: a file with the report of a run, or a run by its id or its graph's name; without an
+/// argument the newest run.
 pub(super) fn find(what: Option<&str>) -> anyhow::Result<Source> {
     if let Some(path) = what.map(Path::new).filter(|path| path.is_file()) {
         let text = crate::input::text(path)?;
@@ -57,14 +57,15 @@ impl Table {
 }
 
 impl Source {
-    /// The measurements as texts for the picture of this plan; blank where there is none.
+    /// The measurements as texts for the picture of this plan; blank for missing ones.
     pub(super) fn describe(&self, plan: &Plan) -> Measured {
         let measured = &self.measured;
         let rate = |name: &str| {
             let (_, hz) = measured.rates.iter().find(|(component, hz)| component == name && *hz > 0.0)?;
             Some(format!("{hz:.1} Hz"))
         };
-        // of several readers the one that gets the oldest, among those that do not just look at it now and then
+        // of several readers the one that gets the oldest, among those that do not just look at it now and
+        // then
         let age = |topic: &str| {
             let edges = || measured.edges.iter().filter(move |edge| edge.topic == topic && edge.read > 0);
             let most = edges().map(|edge| edge.read).max()?;

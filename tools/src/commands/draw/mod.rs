@@ -24,8 +24,8 @@ pub(crate) struct Draw {
     /// File to write; standard output if not given
     #[arg(long, short)]
     output: Option<PathBuf>,
-    /// Add measured values: of a running graph (its id or its name; the newest if not given), or of a report that
-    /// `motorium run --json` printed
+    /// Add measured values: of a running graph (its id or its name; the newest if not given), or of a report
+    /// that `motorium run --json` printed
     #[arg(long, value_name = "RUN|REPORT", num_args = 0..=1)]
     measured: Option<Option<String>>,
     /// Print the checked plan as JSON instead

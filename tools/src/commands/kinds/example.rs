@@ -1,5 +1,5 @@
-//! An example of a kind: a fragment of a graph, made of its declaration and of the example in the documentation of its
-//! configuration.
+//! An example of a kind: a fragment of a graph, made of its declaration and of the example in the
+//! documentation of its configuration.
 
 use std::fmt::Write as _;
 
@@ -20,7 +20,8 @@ pub(super) struct ExampleConfig {
     pub(super) value: Json,
 }
 
-/// The example in the documentation of the configuration, else the keys that it must have, each with the simplest value.
+/// The example in the documentation of the configuration, else the keys that it must have, each with the
+/// simplest value.
 pub(super) fn config(schema: &Json, definitions: &Json) -> ExampleConfig {
     let definitions = Definitions(definitions);
     let (table, _) = definitions.resolve(schema);

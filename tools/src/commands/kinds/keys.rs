@@ -41,7 +41,7 @@ impl<'a> Definitions<'a> {
     }
 }
 
-/// All keys of a table, each table's own before those of the tables in it.
+/// All keys of a table, each table's own before its nested tables' keys.
 pub(super) fn of(schema: &Json, definitions: &Json) -> Vec<Key> {
     let mut keys = Vec::new();
     let mut walk =
@@ -183,7 +183,7 @@ fn kind(schema: &Json, definitions: Definitions<'_>) -> String {
             }
         }
         "string" if schema.get("format").is_some_and(|format| format == "path") => "path".to_string(),
-        // a pattern is that of a value with its unit
+        // the pattern of a value with its unit
         "string" if schema.get("pattern").is_some_and(has_unit) => "text with a unit".to_string(),
         "string" => "text".to_string(),
         "integer" => "whole number".to_string(),

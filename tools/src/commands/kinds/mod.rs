@@ -18,8 +18,8 @@ use source::KindSource;
 
 /// List the kinds of components, or describe one: ports, parameters, configuration, an example.
 ///
-/// Everything is taken from the kind's own declaration and the JSON Schema of its configuration. Ports and parameters may
-/// depend on both robot and configuration: they are those of the example.
+/// Everything is taken from the kind's own declaration and the JSON Schema of its configuration. Ports and
+/// parameters may depend on both robot and configuration: they belong to the example.
 ///
 /// Example: motorium kinds control.qp
 #[derive(Debug, clap::Args)]

@@ -1,4 +1,4 @@
-//! The programs that host kinds: this one, other installed ones, and those of the user.
+//! The programs that host kinds: this one, other installed ones, and the user's.
 
 use std::path::{Path, PathBuf};
 
@@ -36,7 +36,8 @@ pub(super) fn of_program(program: &Path) -> anyhow::Result<Vec<KindSource<'stati
     Ok(kinds.into_iter().map(|kind| KindSource::Exec(path.clone(), kind)).collect())
 }
 
-/// The built-in kinds, and those of other installed programs, by name. One that cannot be asked is warned of.
+/// The built-in kinds and the kinds of other installed programs, by name. Prints a warning for a program
+/// without an answer.
 pub(super) fn installed(registry: &Registry) -> Vec<KindSource<'_>> {
     let mut kinds: Vec<KindSource<'_>> = registry.kinds().iter().map(KindSource::BuiltIn).collect();
     for path in registry.siblings().iter().filter_map(programs::locate) {

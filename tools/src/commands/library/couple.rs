@@ -14,7 +14,8 @@ use crate::out::outln;
 
 /// Train a network that writes letters from their pictures.
 ///
-/// Learns from recorded letters of two degrees of freedom. `motorium library write`, and `policy.library`, write by it.
+/// Learns from recorded letters of two degrees of freedom. `motorium library write`, and `policy.library`,
+/// write by it.
 ///
 /// Example: motorium library couple letters.jsonl --output letters.coupling
 #[derive(Debug, clap::Args)]
@@ -86,7 +87,7 @@ impl Couple {
         }
         outln!(
             "{}: {} letters, {} weights each; squared error of position {first:.4} after the first epoch, {last:.4} after {} \
-             (letter sizes); it writes at {:.2} letter sizes per second unless told otherwise",
+             (letter sizes); it writes at {:.2} letter sizes per second by default",
             self.output.display(),
             letters.trajectories.len(),
             coupling.library().rank(),

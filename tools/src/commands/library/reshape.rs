@@ -20,7 +20,8 @@ use crate::style;
 pub(super) struct Split {
     /// The library
     file: PathBuf,
-    /// Parts: NAME=PATTERN[,PATTERN...], a pattern being the name of a degree of freedom, or its beginning and `*`
+    /// Parts: NAME=PATTERN[,PATTERN...], a pattern being the name of a degree of freedom, or its beginning
+    /// and `*`
     #[arg(required = true)]
     parts: Vec<String>,
     /// The folder to write to: NAME.library for each part
@@ -57,8 +58,9 @@ impl Split {
 
 /// Make one library out of several.
 ///
-/// Libraries of the same degrees of freedom are merged into one of all their movements; libraries of different ones
-/// into one of the whole body, its parts correlated if all were learned from the same movements.
+/// Libraries of the same degrees of freedom are merged into one of all their movements; libraries of
+/// different ones into one of the whole body, its parts correlated if all were learned from the same
+/// movements.
 ///
 /// Example: motorium library merge left.library right.library --independent --output body.library
 #[derive(Debug, clap::Args)]

@@ -18,7 +18,8 @@ pub(super) struct Eval {
     /// The network, an ONNX file
     #[arg(value_name = "FILE.onnx")]
     file: PathBuf,
-    /// Inputs by name, nested lists of numbers: {"obs": [[0.1, -0.2]]}, or in the order of the network: {"inputs": [[[0.1, -0.2]]]}
+    /// Inputs by name, nested lists of numbers: {"obs": [[0.1, -0.2]]}, or in the order of the network:
+    /// {"inputs": [[[0.1, -0.2]]]}
     #[arg(long, value_name = "IN.json")]
     inputs: PathBuf,
     /// Print JSON: {"outputs": [[...], ...]}, one flat list for each output, with names and shapes

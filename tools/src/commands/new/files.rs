@@ -40,13 +40,14 @@ pub(super) fn files(name: &str, sources: Option<&Sources>) -> Vec<File> {
         ("src/main.rs", include_str!("../../../templates/main.rs").to_string()),
         (".gitignore", include_str!("../../../templates/gitignore.in").to_string()),
     ];
-    // The versions that the runtime was built and tested with; cargo drops those that the crate does not need.
+    // The versions that the runtime was built and tested with; cargo drops those that the crate does not
+    // need.
     files.extend(sources.and_then(Sources::lock).map(|lock| ("Cargo.lock", lock)));
     files
 }
 
-/// The crate's dependency on motorium: on sources of this machine, or on the published version of this program. `features` is
-/// the rest of the table, which asks for its features.
+/// The crate's dependency on motorium: on sources of this machine, or on the published version of this
+/// program. `features` is the rest of the table, which asks for its features.
 fn dependency(sources: Option<&Sources>, features: &str) -> String {
     let version = env!("CARGO_PKG_VERSION");
     match sources {
@@ -59,8 +60,8 @@ fn dependency(sources: Option<&Sources>, features: &str) -> String {
     }
 }
 
-/// Makes the crate's folder in `parent` and writes the files there; nothing that exists is ever touched. If a file
-/// cannot be written, what was made until then is removed.
+/// Makes the crate's folder in `parent` and writes the files there; nothing that exists is ever touched. If a
+/// file cannot be written, what was made until then is removed.
 pub(super) fn write(parent: &Path, name: &str, files: &[File]) -> Result<PathBuf, WriteError> {
     let folder = parent.join(name);
     fs::create_dir(&folder).map_err(|source| match source.kind() {

@@ -15,7 +15,8 @@ use sources::Sources;
 
 /// Make a component crate and a graph that build and run at once.
 ///
-/// Example: motorium new my-controller && cd my-controller && cargo build --release && motorium run graph.toml --for 2s
+/// Example: motorium new my-controller && cd my-controller && cargo build --release && motorium run
+/// graph.toml --for 2s
 #[derive(Debug, clap::Args)]
 pub(crate) struct New {
     /// Name of the crate: lower-case letters, digits, `-` and `_`

@@ -1,6 +1,6 @@
 //! Names of component crates.
 
-/// Words that cannot name a crate or its program: those of the language, of cargo, and of what it depends on.
+/// Names that a crate or its program cannot have: keywords, names of cargo, and dependencies.
 const TAKEN: [&str; 66] = [
     "abstract",
     "alloc",
@@ -91,7 +91,7 @@ fn also(better: &str) -> String {
     if better.is_empty() { String::new() } else { format!("; try `{better}`") }
 }
 
-/// Checks a name: it becomes that of a crate, a program, a folder and a graph.
+/// Checks the name of a crate, its program, its folder and its graph.
 pub(super) fn check(name: &str) -> Result<(), NameError> {
     let Some(first) = name.chars().next() else { return Err(NameError::Empty) };
     let allowed = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-' || c == '_';

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-/// Sources of the crate `motorium`, of the version of this program: in a checkout, or beside an installed program.
+/// Sources of the crate `motorium`, of the version of this program: in a checkout, or beside an installed
+/// program.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Sources {
     runtime: PathBuf,
@@ -10,7 +11,7 @@ pub(super) struct Sources {
 }
 
 impl Sources {
-    /// The sources around this program's file, in a checkout or as an archive of a release holds them; else those of the
+    /// The sources around this program's file, in a checkout or a release archive; else the
     /// checkout it was built in.
     pub(super) fn find() -> Option<Self> {
         let program = std::env::current_exe().and_then(|path| path.canonicalize()).ok();

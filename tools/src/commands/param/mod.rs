@@ -26,7 +26,7 @@ pub(crate) struct Param {
     command: Command,
 }
 
-// The help of each is that of its own type: a doc comment on a variant would hide it.
+// Each help text is on the argument type: a doc comment on a variant would hide it.
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     List(List),
@@ -78,8 +78,8 @@ struct Get {
 /// Example: motorium param set policy.gait=trot policy.frequency=1.5
 #[derive(Debug, clap::Args)]
 struct Set {
-    /// The parameter and its value, or each as COMPONENT.PARAMETER=VALUE. A value is a number, `true` or `false`, one of
-    /// the choices, or an array such as `[0, 0.5]`, for which one number stands for all
+    /// The parameter and its value, or each as COMPONENT.PARAMETER=VALUE. A value is a number, `true` or
+    /// `false`, one of the choices, or an array such as `[0, 0.5]`, for which one number stands for all
     #[arg(value_name = "COMPONENT.PARAMETER VALUE", required = true, num_args = 1.., allow_negative_numbers = true,
           add = crate::complete::parameters())]
     values: Vec<String>,

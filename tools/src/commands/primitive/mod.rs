@@ -16,7 +16,7 @@ pub(crate) struct PrimitiveCommand {
     command: Command,
 }
 
-// The help of each is that of its own type: a doc comment on a variant would hide it.
+// Each help text is on the argument type: a doc comment on a variant would hide it.
 #[derive(Debug, clap::Subcommand)]
 enum Command {
     Fit(fit::Fit),

@@ -41,7 +41,7 @@ pub(super) struct Replay {
     /// Periods of a rhythm; 2 if not given
     #[arg(long, value_name = "N", value_parser = positive)]
     periods: Option<f64>,
-    /// Amplitude of a rhythm; 1 is that of the demonstration
+    /// Amplitude of a rhythm; 1 is the demonstration's
     #[arg(long, value_name = "R", value_parser = positive)]
     amplitude: Option<f64>,
     /// Samples a second

@@ -22,7 +22,8 @@ pub(super) struct Show {
     /// The primitive, as `motorium primitive fit` wrote it
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Draw the movement and, below it, the forcing term (of a probabilistic primitive: two standard deviations)
+    /// Draw the movement and, below it, the forcing term (of a probabilistic primitive: two standard
+    /// deviations)
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
     /// Print JSON

@@ -17,8 +17,8 @@ use crate::out::outln;
 
 /// Write a recording as tables, one for each topic, or as a dataset of LeRobot.
 ///
-/// `--format lerobot` writes a LeRobotDataset of version 3.0: a frame of the state, the action and the pictures at a fixed rate,
-/// an episode of it for each of the recording.
+/// `--format lerobot` writes a LeRobotDataset of version 3.0: a frame of the state, the action and the
+/// pictures at a fixed rate, an episode of it for each of the recording.
 ///
 /// Example: motorium export out/a.mcap --topic panda/joint_state --output out/a
 #[derive(Debug, clap::Args)]
@@ -38,8 +38,8 @@ pub(crate) struct Export {
     /// LeRobot: frames a second; 50 if not given
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     fps: Option<u32>,
-    /// LeRobot: numbers of the state, such as `panda/joint_state.position[0..7]`; may be repeated. The positions that the writer
-    /// of the joint commands reads if not given
+    /// LeRobot: numbers of the state, such as `panda/joint_state.position[0..7]`; may be repeated. The
+    /// positions that the writer of the joint commands reads if not given
     #[arg(long, value_name = "SIGNAL")]
     state: Vec<Signal>,
     /// LeRobot: numbers of the action; may be repeated. The commanded positions, or efforts, if not given
@@ -168,20 +168,20 @@ impl Export {
     }
 }
 
-/// Refuses the name of a table in place of that of a folder: each topic is a table of its own.
+/// Refuses the name of a file instead of a folder: each topic is a separate table.
 fn refuse_file(folder: &Path) -> anyhow::Result<()> {
     let extension = folder.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     let is_table = ["csv", "parquet"].iter().any(|known| extension.eq_ignore_ascii_case(known));
     anyhow::ensure!(
         folder.is_dir() || !(is_table || folder.exists()),
-        "`--output {}` is the name of a file, expected that of a folder: each topic becomes a file of it, in the format that \
+        "`--output {}` is the name of a file, expected a folder: each topic becomes a file in it, in the format that \
          `--format csv` or `--format parquet` says",
         folder.display()
     );
     Ok(())
 }
 
-/// The names of the numbers of signals: those of joints, where all signals are one field of a topic of joints each.
+/// The names of the numbers of signals: joint names if each signal is one field of a joint topic.
 fn names(recording: &Recording, plan: &Plan, signals: &[Signal]) -> Vec<String> {
     let of_joints = |signal: &Signal| {
         let topic = &recording.topics()[recording.topic(&signal.topic)?];

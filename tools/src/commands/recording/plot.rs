@@ -33,7 +33,7 @@ pub(crate) struct Plot {
     /// Beginning of the time that is drawn, s since the recording began
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     from: f64,
-    /// End of the time that is drawn, s; that of the recording if not given
+    /// End of the drawn time, s; default: the recording's
     #[arg(long, value_name = "S")]
     to: Option<f64>,
 }
@@ -77,7 +77,7 @@ impl Plot {
             Some("png") => chart.png(),
             Some("csv") => chart.csv().into_bytes(),
             _ => anyhow::bail!(
-                "{}: the name of a picture ends in .svg or .png, that of a table in .csv",
+                "{}: the name of a picture ends in .svg or .png, the name of a table in .csv",
                 output.display()
             ),
         };
@@ -90,7 +90,8 @@ impl Plot {
     }
 }
 
-/// The name of the values, with their unit where it is known: where all signals are one field of one quantity.
+/// The name of the values, with their unit where it is known: where all signals are one field of one
+/// quantity.
 fn values(recording: &Recording, signals: &[Signal]) -> String {
     let Some(field) = signals[0].field.as_deref() else { return String::new() };
     let unit = |signal: &Signal| {
@@ -114,7 +115,7 @@ fn title(signal: &Signal) -> String {
     }
 }
 
-/// The name of a curve: that of its joint or axis, behind its field where several fields are drawn.
+/// The name of a curve: its joint or axis, after its field if several fields are drawn.
 fn label(recording: &Recording, curve: &Curve, signals: &[Signal]) -> String {
     let (topic, field) = curve.name.split_once('.').unwrap_or((&curve.name, ""));
     let field = field.split('[').next().unwrap_or_default();

@@ -10,8 +10,9 @@ use crate::{exit, style};
 
 /// Repair a recording that a power cut or a full disk has torn, or whose bytes have changed.
 ///
-/// Writes everything that can be read into a new file with index and end; reading continues behind damage. The torn file stays
-/// as it is. Messages of damaged chunks are copied without a checksum, and the new file lists what is damaged or missing.
+/// Writes everything that can be read into a new file with index and end; reading continues behind damage.
+/// The torn file stays as it is. Messages of damaged chunks are copied without a checksum, and the new file
+/// lists what is damaged or missing.
 ///
 /// Exit code 7 if messages are missing or damaged; 0 if only the unfinished end was lost.
 ///

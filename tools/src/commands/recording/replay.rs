@@ -15,16 +15,17 @@ use crate::{exit, registry, report, style};
 
 /// Publish a recording once more, or run its graph again and compare every sample.
 ///
-/// Each component publishes what was recorded of it, at the recorded times; those that `--live` names run themselves. Episodes
-/// follow one another as they were recorded.
+/// Each component publishes what was recorded of it, at the recorded times; those that `--live` names run
+/// themselves. Episodes follow one another as they were recorded.
 ///
-/// A robot that runs itself and follows recorded joint commands is led to the first of them within half of the limits of its
-/// joints, and to rest behind the last. Then it goes to its safe state.
+/// A robot that runs itself and follows recorded joint commands is led to the first of them within half of
+/// the limits of its joints, and to rest behind the last. Then it goes to its safe state.
 ///
-/// `--verify` runs the graph in lockstep again, from its seed, and compares all that it publishes to the last bit: exit code 1
-/// at a difference, which is printed with its topic, time and field.
+/// `--verify` runs the graph in lockstep again, from its seed, and compares all that it publishes to the last
+/// bit: exit code 1 at a difference, which is printed with its topic, time and field.
 ///
-/// A recording names the programs of its components. Those that are not part of motorium run with `--allow-programs` only.
+/// A recording names the programs of its components. Those that are not part of motorium run with
+/// `--allow-programs` only.
 ///
 /// Example: motorium replay out/a.mcap --verify
 #[derive(Debug, clap::Args)]
@@ -50,7 +51,8 @@ pub(crate) struct Replay {
     /// Hold time at the start, until `motorium step`
     #[arg(long)]
     paused: bool,
-    /// Run in real time, with the cores, priorities and budgets of the graph, as a robot of real drives needs it
+    /// Run in real time, with the cores, priorities and budgets of the graph, as a robot of real drives needs
+    /// it
     #[arg(long, conflicts_with_all = ["speed", "paused", "verify"])]
     realtime: bool,
     /// Time in which a robot that runs itself comes to the first recorded pose; `"0 s"` for none

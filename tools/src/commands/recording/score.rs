@@ -10,7 +10,8 @@ use crate::report::decimal;
 
 /// Compute from a recording what a run has reached: goals, path errors, tracking errors, limits, smoothness.
 ///
-/// Frames are computed from the recorded joint states and compared with the recorded targets: no component scores itself.
+/// Frames are computed from the recorded joint states and compared with the recorded targets: no component
+/// scores itself.
 ///
 /// Example: motorium score out/a.mcap
 #[derive(Debug, clap::Args)]

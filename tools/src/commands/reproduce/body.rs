@@ -22,7 +22,7 @@ pub(super) fn figures(writer: &mut FigureWriter, folder: &Path, searched: usize)
     writer.bar.inc(1);
     spectra(writer, &seen, &body)?;
     let off = difference(&body.together, &body.whole);
-    let claim = "libraries of arms and legs that moved together merge into that of the whole body";
+    let claim = "libraries of arms and legs that moved together merge into the whole body's library";
     writer.claim(
         "3.18",
         claim,

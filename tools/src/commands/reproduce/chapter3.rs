@@ -12,8 +12,8 @@ use crate::out::outln;
 
 /// The motion library of Delhaisse's thesis (2019), chapter 3: figures 3.9 to 3.12 and 3.14 to 3.19.
 ///
-/// Writes each as CSV and SVG (bars: standard errors), and reports which claims hold on these data. A run that was interrupted
-/// goes on where it was when it is started again with the same options.
+/// Writes each as CSV and SVG (bars: standard errors), and reports which claims hold on these data. A run
+/// that was interrupted continues after an interruption when started again with the same options.
 ///
 /// Example: motorium reproduce chapter3 --data recordings/ --output out/
 #[derive(Debug, clap::Args)]

@@ -223,7 +223,7 @@ pub(super) fn splits(
     let better = [16, 32].iter().all(|n| at(BALANCED, *n).0 < at(POSITION, *n).0);
     writer.claim(
         "3.14 (beyond the thesis)",
-        "with 16 and 32 weights, eigenforces balanced for the mean error are better than those of the mean square",
+        "with 16 and 32 weights, eigenforces balanced for the mean error are better than for the mean square",
         better,
         format!("n = 16, 32, 64, mean and spread of {count} random splits: {}", words.join("; ")),
     );

@@ -12,8 +12,8 @@ use crate::chart::{Series, Tile, tiles};
 
 /// Samples of the letters that are learned.
 const LEARNED: usize = 100;
-/// Seed of the split into letters to learn from and letters to measure on. To choose the number of weights, some of the
-/// former were held out.
+/// Seed of the split into letters to learn from and letters to measure on. To choose the number of weights,
+/// some of the former were held out.
 const SPLIT: u64 = 1000;
 
 pub(super) fn figure(

@@ -10,8 +10,8 @@ use crate::chart::{Chart, Series};
 use crate::out::outln;
 use crate::report::decimal;
 
-/// Stacks of tasks of Delhaisse's thesis (2019), figure 2.27: a posture, a hand, both in a sum, and the hand above the posture,
-/// on an iiwa with the same moving target.
+/// Stacks of tasks of Delhaisse's thesis (2019), figure 2.27: a posture, a hand, both in a sum, and the hand
+/// above the posture, on an iiwa with the same moving target.
 ///
 /// Writes the errors of hand and posture as CSV and SVG, and reports which claims hold.
 ///

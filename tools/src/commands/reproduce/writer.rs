@@ -30,7 +30,7 @@ struct Part {
     steps: u64,
 }
 
-/// Progress so far, for a run that goes on with it.
+/// Progress so far, for a run that continues it.
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Progress {
     /// Options and data that the figures depend on.
@@ -62,7 +62,8 @@ impl FigureWriter {
         Ok(Self { folder, bar, files: Vec::new(), claims: Vec::new(), progress: None })
     }
 
-    /// The same for work in parts, of which those are not done again that a run `of` the same did in this folder.
+    /// The same for work in parts, of which those are not done again that a run `of` the same did in this
+    /// folder.
     pub(super) fn resuming(
         folder: PathBuf,
         steps: u64,

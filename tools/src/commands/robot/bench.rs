@@ -18,8 +18,8 @@ use crate::style;
 
 /// Time the algorithms of a robot, on one thread, at random states.
 ///
-/// Each sample is the mean of a batch of calls about 20 us long, so that reading the clock does not count; p50, p99 and
-/// max are over the samples.
+/// Each sample is the mean of a batch of calls about 20 us long, so that reading the clock does not count;
+/// p50, p99 and max are over the samples.
 ///
 /// Example: motorium robot bench panda
 #[derive(Debug, clap::Args)]
@@ -29,7 +29,8 @@ pub(super) struct Bench {
     /// Number of samples of each
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u32).range(10..=1_000_000))]
     samples: u32,
-    /// The frame of the frame Jacobian; an end effector or foot, or the tip of the longest chain, if not given
+    /// The frame of the frame Jacobian; an end effector or foot, or the tip of the longest chain, if not
+    /// given
     #[arg(long)]
     frame: Option<String>,
     /// Print JSON

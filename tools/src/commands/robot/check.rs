@@ -12,8 +12,8 @@ use crate::{exit, style};
 
 /// Check a robot's URDF or MJCF: every defect, named with its link or joint.
 ///
-/// A fault that keeps the robot from loading comes with its line and column, and the exit code is 3. Defects that real
-/// robots' files have are warnings; with --strict they make the exit code 3, too.
+/// A fault that keeps the robot from loading comes with its line and column, and the exit code is 3. Defects
+/// that real robots' files have are warnings; with --strict they make the exit code 3, too.
 ///
 /// Example: motorium robot check arm.urdf --package-path ~/ros/src
 #[derive(Debug, clap::Args)]
@@ -45,7 +45,8 @@ impl Check {
         Ok(if refused { exit::invalid() } else { ExitCode::SUCCESS })
     }
 
-    /// The defects of its visuals, which pictures and viewers leave out: those that its other shapes do not have.
+    /// The defects of its visuals, which pictures and viewers leave out: those that its other shapes do not
+    /// have.
     fn of_visuals(&self, robot: &Loaded) -> Vec<String> {
         match self.robot.load_with(MimicMode::Follow, ProfileChoice::Without, ShapeSource::Visual) {
             Ok(seen) => {

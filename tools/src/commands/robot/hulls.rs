@@ -18,8 +18,8 @@ use crate::style;
 
 /// Write a copy of a URDF whose collision meshes are convex hulls, or several convex parts each.
 ///
-/// A link with a visual mesh and no collision shape gets the hull of that. The copy and its meshes stand in one folder and
-/// need no packages for collisions; visuals stay as they are.
+/// A link with a visual mesh and no collision shape gets the hull of that. The copy and its meshes stand in
+/// one folder and need no packages for collisions; visuals stay as they are.
 ///
 /// Example: motorium robot hulls ur5.urdf --output ur5-hulls --parts 4
 #[derive(Debug, clap::Args)]
@@ -158,7 +158,7 @@ impl Hulls {
     }
 }
 
-/// The meshes that bodies collide with: those of collision shapes, and of links without any those of visuals.
+/// The meshes that bodies collide with: collision shapes, or visuals of links without any.
 fn meshes(document: &Document<'_>) -> Vec<Mesh> {
     let links = document.root_element().children().filter(|node| node.has_tag_name("link"));
     let of_link = |link: Node<'_, '_>| -> Vec<Mesh> {

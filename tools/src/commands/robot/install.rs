@@ -9,11 +9,12 @@ use motorium_robots::{installed, installed_folder};
 use crate::out::outln;
 use crate::style;
 
-/// Unpack a collection of robots into the user's data folder, where every command and graph finds them by name.
+/// Unpack a collection of robots into the user's data folder, where every command and graph finds them by
+/// name.
 ///
-/// `example-robot-data` is the collection that Pinocchio's examples use: some seventy robot files, most under BSD or
-/// Apache licences; some robots are not (each robot's README says which). It comes from PyPI by pip; nothing of it is
-/// executed.
+/// `example-robot-data` is the collection that Pinocchio's examples use: some seventy robot files, most under
+/// BSD or Apache licences; some robots are not (each robot's README says which). It comes from PyPI by pip;
+/// nothing of it is executed.
 ///
 /// Example: motorium robot install example-robot-data
 #[derive(Debug, clap::Args)]
@@ -61,7 +62,8 @@ impl Install {
         let folder =
             folder.context("neither HOME nor MOTORIUM_ROBOTS is set; say where with --into FOLDER")?;
         std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
-        // Beside its place, so that it can be moved there at once; a dot keeps it from being found before it is whole.
+        // Beside its place, so that it can be moved there at once; a dot keeps it from being found before it
+        // is whole.
         let unpacked = folder.join(format!(".unpacking-{}", std::process::id()));
         let result = self.unpack(&unpacked, &folder);
         let _ = std::fs::remove_dir_all(&unpacked);

@@ -14,9 +14,9 @@ use crate::style;
 
 /// Write a first profile of a robot, to be edited: end effector, home pose, gains and limits.
 ///
-/// The end effector is the tip of the longest chain of joints, the home pose lies inside the limits, gains and accelerations
-/// follow from inertias and effort limits. A graph names it by `profile` in its `[robot.NAME]`; a profile of the same name
-/// beside the robot's file is found without that.
+/// The end effector is the tip of the longest chain of joints, the home pose lies inside the limits, gains
+/// and accelerations follow from inertias and effort limits. A graph names it by `profile` in its
+/// `[robot.NAME]`; a profile of the same name beside the robot's file is found without that.
 ///
 /// Example: motorium robot profile arm.urdf --output my-arm.toml
 #[derive(Debug, clap::Args)]

@@ -14,8 +14,8 @@ use crate::failure::Failure;
 use crate::out::outln;
 use crate::registry;
 
-/// Print the JSON Schema of graph files, of a report, of what `top` prints, of a benchmark, or of an error, or the types
-/// for Python.
+/// Print the JSON Schema of graph files, of a report, of what `top` prints, of a benchmark, or of an error,
+/// or the types for Python.
 ///
 /// Example: motorium schema graph > graph.schema.json
 #[derive(Debug, clap::Args)]

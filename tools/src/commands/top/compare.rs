@@ -153,8 +153,8 @@ fn rate(plan: &ComponentPlan, now: &ComponentSample, now_ns: u64) -> f64 {
     launcher::steps_per_second(now.begun, first, last, now_ns, plan.period_ns())
 }
 
-/// From the last step before the interval to the last one in it: a late reading does not change it. To the end of the interval
-/// for a component that no longer steps. `None` if it had not stepped before.
+/// From the last step before the interval to the last one in it: a late reading does not change it. To the
+/// end of the interval for a component that no longer steps. `None` if it had not stepped before.
 fn interval_rate(
     plan: &ComponentPlan,
     (now, now_ns): (&ComponentSample, u64),
@@ -237,7 +237,7 @@ mod tests {
             let expected = 10_000 + 7 * nth;
             assert!(got >= expected && got - expected <= expected / 32, "{got} instead of {expected}");
         }
-        assert!(component.run.execution_ns.p50 > 800_000, "the whole run is told as well");
+        assert!(component.run.execution_ns.p50 > 800_000, "the whole run is included");
         assert_eq!(component.run.execution_ns.max, 901_000);
         assert_eq!((component.run.misses.stolen, component.run.misses.long_step), (2, 1));
         assert_eq!((component.interval.misses.stolen, component.interval.misses.long_step), (2, 0));

@@ -1,5 +1,5 @@
-//! Tables as lines of aligned cells: the same on the screen, which may be too narrow for all columns, and as plain
-//! text.
+//! Tables as lines of aligned cells: the same on the screen, which may be too narrow for all columns, and as
+//! plain text.
 
 /// Alignment and style of a cell.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

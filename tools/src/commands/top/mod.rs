@@ -27,7 +27,8 @@ pub(super) use data::Top as Data;
 use order::Order;
 use view::View;
 
-/// Show how a running graph keeps its times: rates, lateness, latencies, misses and their causes, cores, memory.
+/// Show how a running graph keeps its times: rates, lateness, latencies, misses and their causes, cores,
+/// memory.
 ///
 /// It reads shared memory and /proc from the shared cores. No component waits for it.
 ///
@@ -52,8 +53,8 @@ pub(crate) struct Top {
     /// Print one table, over one interval, and end
     #[arg(long)]
     once: bool,
-    /// Print JSON: an object per interval and line, or with --once one for reading; the whole run and the last
-    /// interval, in the order of the graph
+    /// Print JSON: an object per interval and line, or with --once one for reading; the whole run and the
+    /// last interval, in the order of the graph
     #[arg(long, conflicts_with_all = ["sort", "last"])]
     json: bool,
     /// Serve Prometheus metrics: a port of this machine alone (`9464`), or a whole address (`0.0.0.0:9464`)

@@ -76,7 +76,7 @@ mod tests {
              controller 500 Hz, late p99 6.0 us, step p99 240 us, missed 0 | \
              arm/state -> arm/command p99 310 us, missed 0"
         );
-        // sorted by what the line tells
+        // sorted by the content of the line
         assert!(line(&top, Order::Execution).starts_with("   12.3 s  controller"));
     }
 }

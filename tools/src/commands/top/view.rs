@@ -208,7 +208,7 @@ fn cores(cores: &[CoreTop]) -> Sheet {
     Sheet { columns, rows: cores.iter().map(row).collect() }
 }
 
-/// Columns for percentiles; `rank` is that of the first to go, the maximum and p99 stay longest.
+/// Columns for percentiles; `rank` is the rank of the first to drop; the maximum and p99 stay longest.
 fn percentile_columns(group: &'static str, rank: u8) -> [Column; 4] {
     let ranked = |more: u8| if rank == 0 { 0 } else { rank + more };
     [

@@ -177,8 +177,8 @@ fn is_of_joints(value: &FieldValue, joints: usize) -> bool {
     matches!(value, FieldValue::Many(numbers) if numbers.len() == joints)
 }
 
-/// A sample as readable lines: the stamp, then a field a line; arrays with an entry for each joint as a table, a joint a
-/// line.
+/// A sample as readable lines: the stamp, then a field a line; arrays with an entry for each joint as a
+/// table, a joint a line.
 fn lines(line: &Line<'_>) -> String {
     let chain = line.publish_time_ns.saturating_sub(line.source_time_ns);
     let mut text = format!(

@@ -17,8 +17,8 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Records the stamp of the next received sample. Returns the time since the publication before it, ns, if that
-    /// one was received too: across a gap only the sum of several intervals is known.
+    /// Records the stamp of the next received sample. Returns the time since the publication before it, ns,
+    /// if that one was received too: across a gap only the sum of several intervals is known.
     pub(super) fn see(&mut self, stamp: &Stamp) -> Option<u64> {
         self.received += 1;
         let last = self.last.replace(*stamp)?;

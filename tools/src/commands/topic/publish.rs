@@ -22,10 +22,11 @@ const POLL: Duration = Duration::from_millis(2);
 
 /// Publish values on a topic that a bridge of the graph feeds from outside.
 ///
-/// The topic must be one that `bridge.iceoryx2` publishes: no program from outside takes the place of a component. Fields
-/// that are left out are zero; counts follow from the entries of arrays.
+/// The topic must be one that `bridge.iceoryx2` publishes: no program from outside takes the place of a
+/// component. Fields that are left out are zero; counts follow from the entries of arrays.
 ///
-/// Example: motorium topic pub panda/target 'position=[0.4, 0.0, 0.5] orientation=[1, 0, 0, 0]' --rate 100 --for 2s
+/// Example: motorium topic pub panda/target 'position=[0.4, 0.0, 0.5] orientation=[1, 0, 0, 0]' --rate 100
+/// --for 2s
 #[derive(Debug, clap::Args)]
 pub(super) struct Pub {
     /// The topic

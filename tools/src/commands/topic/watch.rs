@@ -1,5 +1,5 @@
-//! Following a topic: its samples as they come, until the wanted number was seen, the run is over, or the user stops
-//! it.
+//! Following a topic: its samples as they come, until the wanted number was seen, the run is over, or the
+//! user stops it.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};

@@ -1,8 +1,9 @@
-//! The port of the viewer: the page over HTTP, and WebSockets, which are handed on to the server of Foxglove's protocol.
+//! The port of the viewer: the page over HTTP, and WebSockets, which are handed on to the server of
+//! Foxglove's protocol.
 //!
-//! That server answers WebSockets alone and listens on a port of its own, so both stand behind this one. A WebSocket whose
-//! address carries the token is given the right to command before its first word is passed on: the token is set as the
-//! parameter [`TOKEN`](crate::rights::TOKEN), as a viewer may do itself.
+//! That server answers WebSockets alone and listens on a port of its own, so both stand behind this one. A
+//! WebSocket whose address carries the token is given the right to command before its first word is passed
+//! on: the token is set as the parameter [`TOKEN`](crate::rights::TOKEN), as a viewer may do itself.
 
 mod files;
 mod head;

@@ -1,4 +1,5 @@
-//! A recording in place of a run: its samples, sent to those who have subscribed at the pace that they ask for.
+//! A recording in place of a run: its samples, sent to those who have subscribed at the pace that they ask
+//! for.
 
 mod player;
 
@@ -138,7 +139,7 @@ impl<'r> Playback<'r> {
         }
     }
 
-    /// Shows a place anew: the newest sample of each topic and the newest picture of each camera then.
+    /// Shows a position again: the newest sample of each topic and the newest picture of each camera.
     fn seek(&mut self, time_ns: u64) -> Result<(), ReadError> {
         let (newest, rest) = self.recording.at(time_ns)?;
         (self.rest, self.later) = (rest, None);
@@ -152,7 +153,7 @@ impl<'r> Playback<'r> {
         Ok(())
     }
 
-    /// Goes on to a place: every sample of a stream is sent, of a state and of a camera the newest by
+    /// Advances to a position: sends every sample of a stream, and for a state and a camera the newest by
     /// [`send_changed`](Self::send_changed).
     fn go_on(&mut self, time_ns: u64) -> Result<(), ReadError> {
         loop {

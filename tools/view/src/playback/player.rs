@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use foxglove::websocket::{PlaybackCommand, PlaybackControlRequest, PlaybackState, PlaybackStatus};
 
-/// Slowest and fastest speed, times that of the recording.
+/// Slowest and fastest speed, relative to the recording.
 const SPEEDS: [f64; 2] = [0.01, 100.0];
 
 /// A place in a recording that moves as time passes, and as viewers ask.
@@ -27,7 +27,7 @@ pub(crate) struct Player {
 pub(crate) struct Moved {
     /// The place now, as times of the recording, ns.
     pub(crate) to_ns: u64,
-    /// True if somebody has set the place: what is shown begins anew there.
+    /// True if a client has set the position: the display restarts there.
     pub(crate) sought: bool,
     /// True if this step came to the end.
     pub(crate) ended: bool,
@@ -51,7 +51,8 @@ impl Player {
         Moved { to_ns: self.time_ns(), sought: std::mem::take(&mut self.sought), ended }
     }
 
-    /// Plays or pauses at a speed, from another place if one is given. To play at the end is to play from the start.
+    /// Plays or pauses at a speed, from another place if one is given. To play at the end is to play from the
+    /// start.
     pub(crate) fn set(&mut self, plays: bool, speed: f64, seek_ns: Option<u64>) {
         if speed.is_finite() && speed > 0.0 {
             self.speed = speed.clamp(SPEEDS[0], SPEEDS[1]);
@@ -70,14 +71,14 @@ impl Player {
         self.waits = false;
     }
 
-    /// Does what a viewer asks for by Foxglove's playback control; the state that it is told.
+    /// Applies a request of Foxglove's playback control; returns the state to send.
     pub(crate) fn obey(&mut self, request: PlaybackControlRequest) -> PlaybackState {
         let plays = request.playback_command == PlaybackCommand::Play;
         self.set(plays, f64::from(request.playback_speed), request.seek_time);
         PlaybackState { request_id: Some(request.request_id), ..self.state() }
     }
 
-    /// The state as viewers are told of it.
+    /// The state as sent to viewers.
     pub(crate) fn state(&self) -> PlaybackState {
         let status = match (self.plays, self.place >= self.length()) {
             (true, _) => PlaybackStatus::Playing,
@@ -93,7 +94,7 @@ impl Player {
         }
     }
 
-    /// The recording, and the place in it, as our own page is told of them.
+    /// The recording and its position, as sent to the page.
     pub(crate) fn told(&self) -> serde_json::Value {
         serde_json::json!({
             "length_s": self.length() * 1e-9,
@@ -108,7 +109,7 @@ impl Player {
         self.start_ns.saturating_add((place_s * 1e9) as u64)
     }
 
-    /// Speed, times that of the recording.
+    /// Speed, relative to the recording.
     pub(crate) fn speed(&self) -> f64 {
         self.speed
     }

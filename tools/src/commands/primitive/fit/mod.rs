@@ -95,7 +95,7 @@ pub(super) struct Fit {
 const PENALTY: f64 = 1e-12;
 /// For each dimension.
 const KERNELS: usize = 30;
-/// Of a polynomial: that of a minimum-jerk movement.
+/// Degree of a polynomial; default: a minimum-jerk movement's.
 const DEGREE: usize = 5;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -129,7 +129,8 @@ enum ScalingArg {
     Similarity,
 }
 
-/// Evenly spaced positions of every recording (of a rhythm: of every period), the duration of each, the names.
+/// Evenly spaced positions of every recording (of a rhythm: of every period), the duration of each, the
+/// names.
 struct Shown {
     recordings: usize,
     names: Vec<String>,
@@ -329,7 +330,8 @@ fn open_end(recording: &Recording) -> Option<String> {
     let differs = |channel: &usize| {
         let column = values.column(*channel);
         let range = column.max() - column.min();
-        // One step of the recording may be missing: the last sample of a period is before the first of the next.
+        // One step of the recording may be missing: the last sample of a period is before the first of the
+        // next.
         let step = (1..=last).map(|k| (column[k] - column[k - 1]).abs()).fold(0.0, f64::max);
         (column[last] - column[0]).abs() > (OPEN * range).max(1.5 * step)
     };

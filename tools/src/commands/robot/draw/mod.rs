@@ -56,7 +56,8 @@ pub(super) struct Draw {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Frames {
-    // The root's, and those of end effectors, feet and rotors; without a profile those at the ends of the chains.
+    // The root's frame, and the frames of end effectors, feet and rotors; without a profile the ends of the
+    // chains.
     Ends,
     Joints,
     All,

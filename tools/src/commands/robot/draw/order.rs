@@ -1,6 +1,6 @@
-//! The order to paint faces in, so that nearer ones cover farther ones: a binary space partition. Faces that pass
-//! through the plane of another are cut by it, so the order exists even where bodies reach into each other (Fuchs,
-//! Kedem, Naylor, "On Visible Surface Generation by a Priori Tree Structures", SIGGRAPH 1980).
+//! The order to paint faces in, so that nearer ones cover farther ones: a binary space partition. Faces that
+//! pass through the plane of another are cut by it, so the order exists even where bodies reach into each
+//! other (Fuchs, Kedem, Naylor, "On Visible Surface Generation by a Priori Tree Structures", SIGGRAPH 1980).
 
 use nalgebra::{Point3, Vector3};
 
@@ -19,7 +19,7 @@ pub(super) fn back_to_front(faces: Vec<Face>, eye: &Vector3<f64>) -> Vec<Face> {
     painted
 }
 
-/// The next task: divide faces, or put those of a plane.
+/// The next task: divide faces, or emit the faces of a plane.
 enum Step {
     Divide(Vec<Face>),
     Put(Vec<Face>),

@@ -17,7 +17,8 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    /// The robot as `kinematics` has placed it, in the colours of its links. Meshes are hulls unless they are those of visuals.
+    /// The robot as `kinematics` has placed it, in the colours of its links. Meshes of collision shapes are
+    /// drawn as hulls.
     pub(super) fn of(robot: &Loaded, kinematics: &Kinematics, colours: LinkColours, visual: bool) -> Self {
         let model = &robot.model;
         let mut painter = Painter { colours, used: BTreeMap::new(), visual };
@@ -97,7 +98,8 @@ struct Painter {
 }
 
 impl Painter {
-    /// Shapes, each in the colour of the visual at its place in its link; without the meshes that cannot be read.
+    /// Shapes, each in the colour of the visual at its place in its link; without the meshes that cannot be
+    /// read.
     fn paint(&mut self, shapes: &[Shape], pose: Isometry3<f64>, body: Option<usize>) -> Vec<Solid> {
         let mut solids = Vec::new();
         for shape in shapes {

@@ -37,7 +37,8 @@ pub(super) enum Form {
 }
 
 impl Form {
-    /// Of a shape, a mesh as its hull unless it is wanted `whole`; `None` for one that cannot be read or is flat.
+    /// Of a shape, a mesh as its hull unless it is wanted `whole`; `None` for one that cannot be read or is
+    /// flat.
     pub(super) fn of(geometry: &Geometry, whole: bool) -> Option<Self> {
         let Geometry::Mesh { path, inline, scale, .. } = geometry else {
             return Some(Self::Primitive(geometry.clone()));
@@ -123,7 +124,8 @@ fn triangles(hull: &TriangleMesh) -> impl Iterator<Item = [Point3<f64>; 3]> {
     hull.triangles.iter().map(move |triangle| triangle.map(corner))
 }
 
-/// A mesh whose corners within one cell of a grid are one, at their mean: triangles smaller than a cell are not visible.
+/// A mesh whose corners within one cell of a grid are one, at their mean: triangles smaller than a cell are
+/// not visible.
 fn coarser(mesh: &TriangleMesh) -> TriangleMesh {
     let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
     for point in &mesh.points {

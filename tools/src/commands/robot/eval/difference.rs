@@ -7,7 +7,8 @@ use serde_json::Value;
 /// Quantities that are inputs, not results.
 const GIVEN: [&str; 6] = ["q", "joint_positions", "v", "a", "tau", "fext"];
 
-/// For every quantity that both documents hold: how often, and the largest difference relative to its largest entry.
+/// For every quantity that both documents hold: how often, and the largest difference relative to its largest
+/// entry.
 pub(super) fn differences(theirs: &Value, ours: &Value) -> BTreeMap<String, (usize, f64)> {
     let mut found = BTreeMap::new();
     let list =

@@ -21,13 +21,14 @@ use crate::{exit, style};
 use layout::Layout;
 use states::States;
 
-/// Compute kinematics and dynamics of a robot at given states: frame poses, Jacobians, mass matrix, bias and gravity
-/// forces, inverse and forward dynamics, centre of mass, centroidal momentum, energies.
+/// Compute kinematics and dynamics of a robot at given states: frame poses, Jacobians, mass matrix, bias and
+/// gravity forces, inverse and forward dynamics, centre of mass, centroidal momentum, energies.
 ///
-/// The states are JSON: `cases`, each with `q` (or `joint_positions` by name), `v`, `a`, `tau`, in Pinocchio's layout,
-/// or in the order `joints` lists. Two kinds of joints differ from Pinocchio: `v`, `a` and `tau` of a planar joint are
-/// along the axes of its plane, and `q` of a floating base is its pose in the world even where its joint has an origin.
-/// With --json the answer has one case for each; without, results that the states already hold are compared with ours.
+/// The states are JSON: `cases`, each with `q` (or `joint_positions` by name), `v`, `a`, `tau`, in
+/// Pinocchio's layout, or in the order `joints` lists. Two kinds of joints differ from Pinocchio: `v`, `a`
+/// and `tau` of a planar joint are along the axes of its plane, and `q` of a floating base is its pose in the
+/// world even where its joint has an origin. With --json the answer has one case for each; without, results
+/// that the states already hold are compared with ours.
 ///
 /// Example: motorium robot eval arm.urdf --states states.json --json
 #[derive(Debug, clap::Args)]
@@ -37,8 +38,8 @@ pub(super) struct Eval {
     /// The states; `-` is standard input
     #[arg(long, value_name = "FILE")]
     states: PathBuf,
-    /// Jacobians, velocities and accelerations of this frame; may be repeated; those of `jacobian_frames` of the
-    /// states, or of all frames, if not given
+    /// Jacobians, velocities and accelerations of this frame; may be repeated; default: `jacobian_frames` of
+    /// the states, or of all frames, if not given
     #[arg(long, value_name = "LINK")]
     frame: Vec<String>,
     /// Largest relative difference that counts as agreement when results are compared
