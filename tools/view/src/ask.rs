@@ -1,4 +1,4 @@
-//! Requests of viewers to the run, on their way from the server's threads to the one that follows the run.
+//! Requests of viewers to the run, between the server's threads and the follower of the run.
 
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
@@ -54,7 +54,7 @@ impl Command {
     }
 }
 
-/// The ends of the server that pass on what is asked.
+/// The server's senders of requests.
 #[derive(Debug, Clone)]
 pub(crate) struct Asks {
     pub(crate) sender: Sender<Ask>,
@@ -124,8 +124,8 @@ impl Handler for Service {
     }
 }
 
-/// The service that plays a recording, holds it, and goes to another place in it: for our own page, which may
-/// do so without the token since no robot moves by it.
+/// The playback service: plays, pauses and seeks in a recording. The page may use it without the token, since
+/// no robot moves.
 pub(crate) struct Play(pub(crate) Shared);
 
 /// Request of [`Play`].
@@ -147,8 +147,8 @@ impl Handler for Play {
         };
         let mut player = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let speed = asked.speed.unwrap_or(player.speed());
-        let seek_ns = asked.place_s.map(|place_s| player.at(place_s));
+        let seek_ns = asked.place_s.map(|place_s| player.time_at(place_s));
         player.set(asked.plays, speed, seek_ns);
-        responder.respond_ok(player.told().to_string());
+        responder.respond_ok(player.position_json().to_string());
     }
 }

@@ -15,7 +15,7 @@ const KINDS: [&str; 12] =
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Assets {
     packages: PackagePath,
-    /// Files of the robots, beside which others are found.
+    /// Robot files, in whose folders others are found.
     robots: Vec<PathBuf>,
     /// What has no file, by its name.
     texts: BTreeMap<String, String>,

@@ -97,7 +97,7 @@ impl Browser {
             .args(["--disable-accelerated-2d-canvas", "--disable-gpu-rasterization"])
             .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
             .args(["--no-default-browser-check", "--hide-scrollbars", "--disable-dev-shm-usage"])
-            // Pages of its own address bar, each a process that starts beside the one that is wanted.
+            // Pages of the browser's address bar, separate processes that start with the desired page.
             .args(["--disable-extensions", "--disable-features=WebUIOmniboxPopup,WebUIOmniboxAimPopup"])
             .arg(format!("--user-data-dir={}", profile.display()))
             .arg(format!("--window-size={width},{height}"))
@@ -199,7 +199,7 @@ fn end(child: &mut Child, profile: &Path) {
     }
 }
 
-/// The address of its debugging protocol, as it says on standard error.
+/// The address of its debugging protocol, from its standard error.
 fn endpoint(child: &mut Child) -> Result<String, String> {
     let errors = child.stderr.take().ok_or("it has no standard error")?;
     let (sender, lines) = mpsc::channel();

@@ -98,7 +98,7 @@ impl Channels {
         self.topics.iter().position(|all| all.iter().any(|(_, raw)| raw.topic() == channel))
     }
 
-    /// Sends the message of a topic that never changes to one that has subscribed to it.
+    /// Sends the message of a constant topic to a new subscriber.
     pub(crate) fn send_latched(&self, topic: &str, sink: Option<SinkId>) {
         if let Some((channel, message)) = self.latched.get(topic) {
             channel.log_to_sink(message, sink);

@@ -21,8 +21,7 @@ use crate::page_digest;
 const SIZE: (u32, u32) = (1280, 860);
 /// Time within which the robot must be in the picture.
 const PICTURE_WITHIN: Duration = Duration::from_secs(60);
-/// Samples of each robot that are compared, and the time within which so many must have been seen on both
-/// sides.
+/// Compared samples of each robot, and the time limit for receiving them on both sides.
 const SAMPLES: usize = 10;
 const COMPARE_WITHIN: Duration = Duration::from_secs(30);
 /// Time over which pictures are counted.
@@ -112,7 +111,7 @@ const RENDERER: &str = "(() => { const gl = document.createElement('canvas').get
 /// Expression for the time at which the browser began to load the page, ms since 1970.
 const ASKED: &str = "performance.timeOrigin";
 
-/// Expressions for what the page shows, and for the little of it that a page which still starts is asked for.
+/// JavaScript expressions for the values on the page, and for the few available on a starting page.
 const STATE: &str = "globalThis.motorium ? motorium.state() : null";
 const BEGUN: &str = "globalThis.motorium ? motorium.begun() : null";
 
@@ -147,7 +146,7 @@ fn name(robot: &Json) -> &str {
 /// Positions of joints by the number of their sample.
 type Seen = Arc<Mutex<BTreeMap<u64, Vec<f64>>>>;
 
-/// Compares joint positions on the page with those in the shared memory of the run, sample by sample.
+/// Compares joint positions on the page with the run's shared memory, sample by sample.
 fn compare(browser: &mut Browser, state: &Json, over: &AtomicBool) -> anyhow::Result<()> {
     let run = state["run"]["run"].as_str().context("the page shows no run")?;
     let folder = RunFolder::find(run).with_context(|| format!("run {run} is over"))?;
@@ -207,7 +206,7 @@ fn compare(browser: &mut Browser, state: &Json, over: &AtomicBool) -> anyhow::Re
     Ok(())
 }
 
-/// Reads all samples of a topic in a thread, by a tap of its own.
+/// Reads all samples of a topic in a thread, by a separate tap.
 fn read(
     folder: RunFolder,
     topic: TopicPlan,

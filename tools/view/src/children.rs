@@ -30,7 +30,7 @@ pub(crate) enum NeverSeen {
 }
 
 impl NeverSeen {
-    pub(crate) fn of(status: ExitStatus) -> Self {
+    pub(crate) fn from_status(status: ExitStatus) -> Self {
         match status.code().map(u8::try_from) {
             Some(Ok(0)) => Self::Over,
             Some(Ok(code)) => Self::Failed(code),
@@ -69,10 +69,10 @@ impl Started {
         self.0.try_wait().ok().flatten()
     }
 
-    /// Ends it in good order: the robot comes to its safe state first. `told` is true if it has been asked
-    /// already, as by `Ctrl-C` in the terminal that it shares with the viewer.
-    pub(crate) fn end(&mut self, told: bool) {
-        if !told {
+    /// Ends it in good order: the robot enters its safe state first. `asked` is true if it already has the
+    /// request, as by `Ctrl-C` in the terminal it shares with the viewer.
+    pub(crate) fn end(&mut self, asked: bool) {
+        if !asked {
             interrupt(self.pid());
         }
         let began = Instant::now();
@@ -90,7 +90,7 @@ impl Drop for Started {
     }
 }
 
-/// Asks a process to end in good order.
+/// Requests the orderly end of a process.
 fn interrupt(pid: u32) {
     if let Some(pid) = i32::try_from(pid).ok().and_then(Pid::from_raw) {
         // It may have ended at this moment.
@@ -106,7 +106,7 @@ pub(crate) struct Times {
 }
 
 impl Times {
-    pub(crate) fn of(motorium: &Path, run: &str) -> anyhow::Result<Self> {
+    pub(crate) fn follow(motorium: &Path, run: &str) -> anyhow::Result<Self> {
         let mut child = Command::new(motorium)
             .args(["top", "--json", "--interval", "500ms", "--run", run])
             .stdin(Stdio::null())
@@ -118,7 +118,7 @@ impl Times {
         let (sender, lines) = mpsc::channel();
         std::thread::spawn(move || {
             let read = BufReader::new(output).lines().map_while(Result::ok);
-            // The receiver is gone when nobody looks any more.
+            // The receiver is gone once nobody reads the times.
             let _ = read.into_iter().try_for_each(|line| sender.send(line));
         });
         Ok(Self { child, lines })

@@ -98,8 +98,8 @@ impl Follower {
         Ok(())
     }
 
-    /// Follows until `over` says so. `interrupted` is set if a signal that a graph started here has got too
-    /// asks for the end.
+    /// Follows until `over` returns true. `interrupted` is set by a signal that a graph started here has
+    /// received too.
     pub(crate) fn follow(mut self, over: &AtomicBool, interrupted: &AtomicBool) -> anyhow::Result<()> {
         let period = Duration::from_secs_f64(1.0 / self.request.rate_hz);
         let begun = Instant::now();
@@ -136,7 +136,7 @@ impl Follower {
         Ok(())
     }
 
-    /// Joins a run that begins, leaves one that has ended.
+    /// Joins a new run, leaves a finished one.
     fn check_life(&mut self) -> anyhow::Result<()> {
         if self.joined.as_ref().is_some_and(Joined::has_ended) {
             (self.joined, self.times) = (None, None);
@@ -145,7 +145,7 @@ impl Follower {
         if let Some(status) = self.started.as_mut().and_then(Started::ended) {
             self.started = None;
             if self.graph.is_none() {
-                bail!(NeverSeen::of(status));
+                bail!(NeverSeen::from_status(status));
             }
             eprintln!("the run is over; the page starts it again, Ctrl-C ends the viewer");
             self.tell_run();
@@ -153,7 +153,7 @@ impl Follower {
         if self.joined.is_none()
             && let Some(folder) = self.next_run()
         {
-            // A run that is being made or removed at this moment is looked at again soon.
+            // A run that is being created or removed is checked again soon.
             if let Err(error) = self.join(folder)
                 && self.graph.is_none()
                 && self.request.run.is_some()
@@ -227,7 +227,7 @@ impl Follower {
         self.shown = all;
     }
 
-    /// Passes on the times of the run, which are read while somebody looks at them.
+    /// Forwards the times of the run, which are read while a client subscribes to them.
     fn tell_times(&mut self) {
         let Some(joined) = self.joined.as_ref().filter(|_| self.times_channel.has_sinks()) else {
             self.times = None;
@@ -239,7 +239,7 @@ impl Follower {
                     self.times_channel.log(line.as_bytes());
                 }
             }
-            None => self.times = Times::of(&self.motorium, joined.folder.id()).ok(),
+            None => self.times = Times::follow(&self.motorium, joined.folder.id()).ok(),
         }
     }
 

@@ -1,4 +1,4 @@
-//! A run that the viewer has joined: its topics, read by taps and sent to those who have subscribed.
+//! A run joined by the viewer: its topics, read by taps and sent to subscribers.
 
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -24,7 +24,7 @@ const AGAIN: Duration = Duration::from_secs(1);
 /// Most samples of a stream that are sent in one go.
 const MOST: usize = 256;
 
-/// A run, its channels, and the taps of the topics that somebody looks at.
+/// A run, its channels, and the taps of the subscribed topics.
 #[derive(Debug)]
 pub(crate) struct Joined {
     pub(crate) folder: RunFolder,
@@ -46,7 +46,7 @@ struct Topic {
     not_before: Instant,
 }
 
-/// What is read of a topic: the newest value of a state, every value of a stream.
+/// Samples read from a topic: the newest value of a state, every value of a stream.
 #[derive(Debug)]
 enum Source {
     Newest(Box<TopicReader>),
@@ -111,14 +111,14 @@ impl Joined {
         }
     }
 
-    /// Sends the message of a topic that never changes to one that has subscribed to it.
+    /// Sends the message of a constant topic to a new subscriber.
     pub(crate) fn send_latched(&self, topic: &str, sink: Option<SinkId>) {
         self.channels.send_latched(topic, sink);
     }
 }
 
 impl Topic {
-    /// Sends what was published since the last call: of a state the newest value, from where it is.
+    /// Sends the publications since the last call: the newest value of a state, in place.
     fn send(&mut self, index: usize, offset_ns: u64, channels: &mut Channels) {
         let mut send = |stamp: &Stamp, bytes: &[u8]| {
             channels.send(index, stamp, bytes, stamp.publish_time.saturating_add(offset_ns));

@@ -21,9 +21,9 @@ pub const SERVE: &str = "motorium-view";
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// The `motorium` command that gives the order; what is started is started by it.
+    /// The `motorium` command that started the viewer; it also starts the graph.
     pub motorium: PathBuf,
-    /// The graph to start; `None` to look at a run that somebody else has started.
+    /// The graph to start; `None` to show a run started elsewhere.
     #[serde(default)]
     pub graph: Option<PathBuf>,
     /// The recording to play; `None` to look at a run.
@@ -53,7 +53,7 @@ pub struct Request {
     /// Time of the command, ms since 1970.
     #[serde(default)]
     pub began_ms: Option<u64>,
-    /// The token that commands need; `None` for one that nobody can guess.
+    /// The token for commands; `None` for a random one.
     #[serde(default)]
     pub token: Option<String>,
 }

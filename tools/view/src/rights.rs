@@ -52,7 +52,7 @@ impl Rights {
     }
 }
 
-/// A token that nobody can guess.
+/// A random token.
 pub(crate) fn new_token() -> std::io::Result<String> {
     Ok(random_bytes::<16>()?.iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -19,7 +19,7 @@ use tokio::time::timeout;
 use crate::rights;
 use head::{Asked, Status};
 
-/// A client that takes longer to ask, or stands still for longer while it is answered, is left alone.
+/// A client with a slow request, or a stalled answer, is dropped.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Pause after a connection that could not be accepted: the shortage does not pass at once.
 const SHORTAGE: Duration = Duration::from_millis(100);
@@ -28,8 +28,7 @@ const SHORTAGE: Duration = Duration::from_millis(100);
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum FrontError {
     #[error(
-        "port {0} of this machine is taken by another program, perhaps another `motorium view`; choose one with `--port`, \
-         0 for any that is free"
+        "port {0} is in use, perhaps by another `motorium view`; choose another with `--port`, or 0 for any free port"
     )]
     Taken(u16),
     #[error("port {port} of this machine cannot be served: {reason}")]
@@ -73,7 +72,7 @@ impl Front {
             match listener.accept().await {
                 Ok((client, _)) => {
                     let token = token.clone();
-                    // What a client does wrong is its own affair.
+                    // Errors of a client affect only that client.
                     tokio::spawn(async move { drop(answer(client, server, &token).await) });
                 }
                 Err(_) => tokio::time::sleep(SHORTAGE).await,

@@ -16,7 +16,7 @@ pub(crate) struct Player {
     place: f64,
     speed: f64,
     plays: bool,
-    /// True until somebody looks, or asks for something: it stands at the start.
+    /// True until the first subscription or request: the recording waits at its start.
     waits: bool,
     /// True if the place was set since the last step.
     sought: bool,
@@ -34,7 +34,7 @@ pub(crate) struct Moved {
 }
 
 impl Player {
-    /// A player at the start, which plays as soon as somebody looks.
+    /// A player at the start, which plays on the first subscription.
     pub(crate) fn new((start_ns, end_ns): (u64, u64)) -> Self {
         Self { start_ns, end_ns, place: 0.0, speed: 1.0, plays: true, waits: true, sought: true }
     }
@@ -66,7 +66,7 @@ impl Player {
         self.waits = false;
     }
 
-    /// Takes note that somebody looks.
+    /// Records that a client has subscribed.
     pub(crate) fn begin(&mut self) {
         self.waits = false;
     }
@@ -95,7 +95,7 @@ impl Player {
     }
 
     /// The recording and its position, as sent to the page.
-    pub(crate) fn told(&self) -> serde_json::Value {
+    pub(crate) fn position_json(&self) -> serde_json::Value {
         serde_json::json!({
             "length_s": self.length() * 1e-9,
             "place_s": self.place * 1e-9,
@@ -104,8 +104,8 @@ impl Player {
         })
     }
 
-    /// The time of the recording at so many seconds from its start, ns.
-    pub(crate) fn at(&self, place_s: f64) -> u64 {
+    /// The recording time at this distance from its start, ns.
+    pub(crate) fn time_at(&self, place_s: f64) -> u64 {
         self.start_ns.saturating_add((place_s * 1e9) as u64)
     }
 
