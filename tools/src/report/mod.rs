@@ -64,7 +64,7 @@ fn counters(report: &Report, text: &mut String) {
             counted(c.misses.skipped, "step skipped", "steps skipped"),
             counted(u64::from(c.restarts), "restart", "restarts"),
             counted(c.allocations.unwrap_or(0), "allocation", "allocations"),
-            counted(c.allocations_apart.unwrap_or(0), "known allocation", "allocations that are known of"),
+            counted(c.allocations_apart.unwrap_or(0), "known allocation", "known allocations"),
             counted(c.page_faults, "page fault", "page faults"),
             c.allocations.is_none().then(|| "allocations not counted".to_string()),
         ];

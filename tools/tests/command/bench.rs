@@ -28,13 +28,13 @@ fn is_told_by_its_buckets(name: &str, ns: &Json) {
             seen >= rank
         });
         let again = bucket.expect("a bucket").0.min(longest);
-        let message = ns[key].as_u64().expect("a number");
+        let value = ns[key].as_u64().expect("a number");
         // Single samples: exact below 16 us, to 1/8192 above.
         assert!(
-            again >= message && again - message <= message / 8_192,
-            "{name}: {key} {message}, of the buckets {again}"
+            again >= value && again - value <= value / 8_192,
+            "{name}: {key} {value}, of the buckets {again}"
         );
-        assert!(message >= 16_384 || again == message, "{name}: {key} {message}, of the buckets {again}");
+        assert!(value >= 16_384 || again == value, "{name}: {key} {value}, of the buckets {again}");
     }
 }
 

@@ -254,9 +254,9 @@ fn every_key_that_the_page_of_a_kind_explains_exists() {
         let Some(kind) = rule.pointer("/if/properties/kind/const").and_then(Json::as_str) else { continue };
         let mut known = BTreeSet::new();
         keys(&rule["then"]["properties"]["config"], &schema, &mut known);
-        let summary_cell = tabled(&read(format!("docs/src/kinds/{}.md", kind.replace(['.', '_'], "-"))));
-        explained += summary_cell.len();
-        let unknown: Vec<&String> = summary_cell.difference(&known).collect();
+        let listed = tabled(&read(format!("docs/src/kinds/{}.md", kind.replace(['.', '_'], "-"))));
+        explained += listed.len();
+        let unknown: Vec<&String> = listed.difference(&known).collect();
         assert!(unknown.is_empty(), "the page of {kind} explains keys that it does not have: {unknown:?}");
     }
     assert!(explained > 200, "{explained} keys");

@@ -93,10 +93,10 @@ fn wrong_file_types_give_few_errors() {
     let folder = tempfile::tempdir().expect("a folder");
     let lines: String = (0..40).map(|line| format!("user{line}:x:{line}:/bin/sh\n")).collect();
     let (code, errors) = tried(&["check", &file(folder.path(), "passwd", &lines)]);
-    let message = errors.matches("the file is not TOML").count();
+    let count = errors.matches("the file is not TOML").count();
     assert!(
-        code == Some(3) && (1..=5).contains(&message) && errors.contains("39 more errors"),
-        "{message} errors: {errors}"
+        code == Some(3) && (1..=5).contains(&count) && errors.contains("39 more errors"),
+        "{count} errors: {errors}"
     );
     let mut command = motorium(&["check"]);
     command.arg(std::ffi::OsStr::from_bytes(b"nowhere-\xff.toml"));
