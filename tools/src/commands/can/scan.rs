@@ -209,7 +209,7 @@ fn others(found: &Found) -> Vec<Value> {
 fn describe(name: &str, bus: &RealBus, found: &Found) -> String {
     let mut text = String::new();
     for device in &found.devices {
-        text += &format!("node {:>3}  {}\n", device.node, describe(&device.kind));
+        text += &format!("node {:>3}  {}\n", device.node, describe_kind(&device.kind));
     }
     if found.devices.is_empty() {
         let counts = bus.counts();
@@ -237,7 +237,7 @@ fn describe(name: &str, bus: &RealBus, found: &Found) -> String {
 }
 
 /// A device in words.
-fn describe(kind: &DeviceKind) -> String {
+fn describe_kind(kind: &DeviceKind) -> String {
     match kind {
         DeviceKind::Damiao { master, watchdog_ns, ranges } => {
             let watchdog = match watchdog_ns {
@@ -275,7 +275,7 @@ mod tests {
     #[test]
     fn disabled_watchdog_differs_from_unreported_one() {
         let of = |watchdog_ns| {
-            describe(&DeviceKind::Damiao {
+            describe_kind(&DeviceKind::Damiao {
                 master: 0x11,
                 watchdog_ns,
                 ranges: [Some(12.5), None, Some(10.0)],

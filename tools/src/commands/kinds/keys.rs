@@ -224,7 +224,7 @@ mod tests {
     use super::*;
 
     fn listed(schema: &Json, definitions: &Json) -> Vec<String> {
-        of(schema, definitions).iter().map(|key| format!("{}: {}", key.key, key.kind)).collect()
+        collect(schema, definitions).iter().map(|key| format!("{}: {}", key.key, key.kind)).collect()
     }
 
     #[test]

@@ -159,7 +159,7 @@ mod tests {
     use super::*;
 
     fn sheet() -> Sheet {
-        let row = |cells: [&str; 4]| cells.map(Cell::plain).to_vec();
+        let row = |cells: [&str; 4]| cells.map(Cell::text).to_vec();
         Sheet {
             columns: vec![
                 Column::text("name", 0),
