@@ -1,4 +1,4 @@
-//! The graph of a run as viewers are told of it.
+//! Description of a run's graph for viewers.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use motorium_bridges::quantities::{entries, quantity};
 use motorium_robots::RobotSource;
 use serde_json::{Value as Json, json};
 
-/// Length of the predicted timeline that viewers are told, ns.
+/// Length of the predicted timeline sent to viewers, ns.
 const PREDICTED_NS: u64 = 10_000_000;
 
 /// The robots of a plan, each once.
@@ -70,8 +70,8 @@ pub(crate) fn describe(run: &str, plan: &Plan, overheads: &Overheads) -> Json {
     })
 }
 
-/// Units of the fields of a topic, and names of the entries of their arrays, where there are any. Names of joints, which all
-/// fields of such a topic share, stand once, for the field `""`.
+/// Units of the fields of a topic, and names of the entries of their arrays, where there are any. Names of
+/// joints, which all fields of such a topic share, stand once, for the field `""`.
 fn fields(plan: &Plan, topic: usize) -> Json {
     let layout = &plan.topics[topic].layout;
     let mut told = serde_json::Map::new();
@@ -112,7 +112,7 @@ fn component(plan: &Plan, component: &ComponentPlan) -> Json {
     })
 }
 
-/// Each robot with the channels that pose it: of its joints, and of its base if that moves.
+/// Each robot with the channels that pose it: joints, and the base if it moves.
 fn drawn(plan: &Plan) -> Vec<Json> {
     let described = descriptions(plan);
     let robots = described.iter().map(|robot| {

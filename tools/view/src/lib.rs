@@ -1,9 +1,9 @@
 //! The viewer of motorium: a program beside `motorium`, which starts it by `motorium view`.
 //!
-//! It serves one port of the loopback interface: a page of its own over HTTP, and Foxglove's WebSocket protocol
-//! (`foxglove.sdk.v1`), which the page speaks as Foxglove and Lichtblick do. What it sends it reads from the shared memory of
-//! the run by taps, from the shared cores, at most [`Request::rate_hz`] times a second, and only while somebody looks: no
-//! component waits for it or does anything for it.
+//! It serves one port of the loopback interface: a page of its own over HTTP, and Foxglove's WebSocket
+//! protocol (`foxglove.sdk.v1`), which the page speaks as Foxglove and Lichtblick do. What it sends it reads
+//! from the shared memory of the run by taps, from the shared cores, at most [`Request::rate_hz`] times a
+//! second, and only while somebody looks: no component waits for it or does anything for it.
 //!
 //! | module | contents |
 //! |---|---|

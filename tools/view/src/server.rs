@@ -1,4 +1,4 @@
-//! The server of Foxglove's WebSocket protocol, and the channels that it advertises.
+//! Server of Foxglove's WebSocket protocol and its advertised channels.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, RwLock};
@@ -26,7 +26,8 @@ impl std::fmt::Debug for Server {
 }
 
 impl Server {
-    /// Starts it on a free port of the loopback interface, on this runtime: for a run, or for a recording of these times.
+    /// Starts it on a free port of the loopback interface, on this runtime: for a run, or for a recording of
+    /// these times.
     pub(crate) async fn start(asks: Asks, recorded: Option<(u64, u64)>) -> anyhow::Result<Self> {
         let context = Context::new();
         let assets = Arc::new(RwLock::new(Assets::default()));
@@ -55,13 +56,13 @@ impl Server {
         Ok(Self { handle, context, assets })
     }
 
-    /// Its own address, behind the port of the viewer.
+    /// Internal address, behind the port of the viewer.
     pub(crate) fn address(&self) -> SocketAddr {
         ([127, 0, 0, 1], self.handle.port()).into()
     }
 
-    /// Tells viewers that another run begins: they forget what they have seen of the one before. Its channels are advertised
-    /// after this.
+    /// Starts a session for another run: viewers discard the previous one. Channels are advertised
+    /// afterwards.
     pub(crate) fn begin_session(&self, run: &str, assets: Assets) {
         self.handle.clear_session(Some(run.to_string()));
         *self.assets.write().unwrap_or_else(std::sync::PoisonError::into_inner) = assets;
@@ -88,12 +89,12 @@ impl Server {
         self.channel(topic, "json", Schema::new(name, "jsonschema", schema.as_bytes().to_vec()))
     }
 
-    /// Tells viewers how a recording is played.
+    /// Sends the playback state to viewers.
     pub(crate) fn tell_playback(&self, state: PlaybackState) {
         self.handle.broadcast_playback_state(state);
     }
 
-    /// Tells viewers of the values of parameters.
+    /// Sends parameter values to viewers.
     pub(crate) fn publish_parameters(&self, parameters: Vec<Parameter>) {
         if !parameters.is_empty() {
             self.handle.publish_parameter_values(parameters);

@@ -1,4 +1,5 @@
-//! A recording in place of a run: its samples, sent to those who have subscribed at the pace that they ask for.
+//! A recording in place of a run: its samples, sent to those who have subscribed at the pace that they ask
+//! for.
 
 mod player;
 
