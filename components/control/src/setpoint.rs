@@ -6,9 +6,11 @@ use nalgebra::DVector;
 /// Distance outside a position limit that counts as none, rad or m.
 const AT_LIMIT: f64 = 1e-6;
 
-/// Joint positions and velocities to be commanded: the integral of a joint velocity, kept within position limits.
+/// Joint positions and velocities to be commanded: the integral of a joint velocity, kept within position
+/// limits.
 ///
-/// A setpoint that starts outside its limits is not thrown back at once: it may stay or return, never go farther.
+/// A setpoint that starts outside its limits is not thrown back at once: it may stay or return, never go
+/// farther.
 #[derive(Clone, Debug)]
 pub struct JointSetpoint {
     position: DVector<f64>,
@@ -32,15 +34,16 @@ impl JointSetpoint {
         }
     }
 
-    /// The joints of `model`, of a fixed or a floating base, at rest at zero; [`reset`](Self::reset) places them.
+    /// The joints of `model`, of a fixed or a floating base, at rest at zero; [`reset`](Self::reset) places
+    /// them.
     pub fn of_joints(model: &Model) -> Self {
         let zeros = DVector::zeros(model.joint_count());
         let (lower, upper) = (model.lower().clone(), model.upper().clone());
         Self { position: zeros.clone(), velocity: zeros, lower, upper }
     }
 
-    /// At rest at `q`, wherever it was. A joint measured outside its limits by no more than a millionth of a rad or m is
-    /// taken to be at the limit: nothing else would lead it back so short a way.
+    /// At rest at `q`, wherever it was. A joint measured outside its limits by no more than a millionth of a
+    /// rad or m is taken to be at the limit: nothing else would lead it back so short a way.
     ///
     /// # Panics
     /// If `q` has not one entry per independent joint.
@@ -53,8 +56,8 @@ impl JointSetpoint {
         self.velocity.fill(0.0);
     }
 
-    /// Moves by `v dt`. The velocity is that of the move that was made, limits considered. A joint whose velocity
-    /// is no number stands still.
+    /// Moves by `v dt`. The velocity is that of the move that was made, limits considered. A joint whose
+    /// velocity is no number stands still.
     ///
     /// # Panics
     /// If `v` has not one entry per independent joint.
@@ -78,8 +81,8 @@ impl JointSetpoint {
         self.velocity.fill(0.0);
     }
 
-    /// Limits the tracking error: the position comes to within `max_error` \[rad or m\] of the measured `q`, so that it
-    /// cannot run away from a joint that is blocked. The velocity of such a joint becomes zero.
+    /// Limits the tracking error: the position comes to within `max_error` \[rad or m\] of the measured `q`,
+    /// so that it cannot run away from a joint that is blocked. The velocity of such a joint becomes zero.
     ///
     /// # Panics
     /// If `q` has not one entry per independent joint.

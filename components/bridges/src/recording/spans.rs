@@ -6,7 +6,7 @@ use motorium::state::Stamp;
 
 use super::{EVENTS, ReadError, Recording};
 
-/// The times of the first and the last publication of each episode, as the stamps tell them.
+/// Times of the first and last publication of each episode, from the stamps.
 pub(super) struct Spans {
     /// The one episode that is looked at.
     only: Option<u64>,
@@ -15,12 +15,12 @@ pub(super) struct Spans {
 }
 
 impl Spans {
-    /// Of no sample yet. With `only`, other episodes are passed over.
+    /// Creates empty spans. With `only`, other episodes are ignored.
     pub(super) fn new(only: Option<u64>) -> Self {
         Self { only, first_ns: None, last_ns: Vec::new() }
     }
 
-    /// Of all samples of a recording.
+    /// Computes the spans from all samples of a recording.
     pub(super) fn of(recording: &Recording, only: Option<u64>) -> Result<Self, ReadError> {
         let mut spans = Self::new(only);
         for sample in recording.samples() {
@@ -32,7 +32,8 @@ impl Spans {
         Ok(spans)
     }
 
-    /// Adds a sample. Returns the index of its episode among those that are replayed; `None` if its episode is left out.
+    /// Adds a sample. Returns the index of its episode among the replayed ones; `None` if its episode is
+    /// excluded.
     pub(super) fn add(&mut self, stamp: &Stamp) -> Option<u64> {
         let index = match self.only {
             Some(only) if only != stamp.episode => return None,
@@ -53,7 +54,7 @@ impl Spans {
         self.last_ns.len() as u64
     }
 
-    /// The time zero of the stamps: that of the first sample of a run in real time.
+    /// Time zero of the stamps: the first sample of a real-time run.
     pub(super) fn start_ns(&self, recorded: &Plan) -> u64 {
         match recorded.clock {
             ClockKind::Lockstep => 0,
@@ -61,12 +62,12 @@ impl Spans {
         }
     }
 
-    /// The duration that the plan gives an episode of simulated time, ns.
+    /// Planned duration of an episode in simulated time, ns.
     fn planned_ns(recorded: &Plan) -> Option<u64> {
         recorded.duration_ns.filter(|_| recorded.clock == ClockKind::Lockstep)
     }
 
-    /// The duration of each episode, ns: that of the plan unless it was over before.
+    /// Duration of each episode, ns: the planned one, unless the episode ended earlier.
     fn lengths(&self, recorded: &Plan) -> impl Iterator<Item = u64> {
         let start_ns = self.start_ns(recorded);
         let publishing = recorded.components.iter().filter(|component| !component.outputs.is_empty());
@@ -79,12 +80,12 @@ impl Spans {
         })
     }
 
-    /// The duration of the longest episode, ns; `None` if there is no sample.
+    /// Duration of the longest episode, ns; `None` without samples.
     pub(super) fn longest_ns(&self, recorded: &Plan) -> Option<u64> {
         self.lengths(recorded).max()
     }
 
-    /// Of each episode that was over before the plan says, the time of its last sample, ns.
+    /// For each episode that ended earlier than planned, the time of its last sample, ns.
     pub(super) fn early_ends(&self, recorded: &Plan) -> Vec<Option<u64>> {
         let (start_ns, planned_ns) = (self.start_ns(recorded), Self::planned_ns(recorded));
         let is_early = |length: u64| planned_ns.is_none_or(|planned_ns| length < planned_ns);

@@ -14,14 +14,15 @@ use super::batch::Batch;
 use super::settings::{Counts, unix_ns};
 use crate::foxglove::{Channel, Derived, log};
 
-/// Most samples of one topic that are read at a time: a writer that never rests must not hold up the others.
+/// Maximum number of samples read from one topic at a time, so that a fast publisher does not delay the
+/// others.
 const AT_A_TIME: usize = 4096;
 
 /// Taps of all chosen topics, and the events of the run.
 pub(super) struct Readers {
     observer: Observer,
     topics: Vec<Topic>,
-    /// Topics that tell how to read others.
+    /// Topics that describe how to read others.
     told: Vec<usize>,
     events: Events,
     clock: Clock,
@@ -54,11 +55,11 @@ pub(super) struct Recorded {
     pub(super) due_ns: u64,
 }
 
-/// From times of stamps to times in the file.
+/// Converts stamp times to file times.
 pub(super) struct Clock {
     /// Time since 1970 at time zero of the stamps; 0 in lockstep.
     pub(super) zero_ns: u64,
-    /// In lockstep: the episode, the time in the file at which it began, and the last one in it.
+    /// In lockstep: the episode, its start time in the file, and its last time.
     episode: (u64, u64, u64),
 }
 
@@ -91,18 +92,19 @@ impl Readers {
         drawn_every_ns: u64,
     ) -> Self {
         let told: Vec<usize> = topics.iter().flat_map(Topic::forms).collect();
-        // A topic that describes another is read before it.
+        // Topics that describe others are read first.
         topics.sort_by_key(|topic| !told.contains(&topic.index));
         Self { observer, topics, told, events, clock, drawn_every_ns }
     }
 
-    /// Adds the last samples to a batch. A run whose launcher has died ends badly, though no event may say so yet.
+    /// Adds the last samples to a batch. A run whose launcher died counts as failed, although no event
+    /// reports it yet.
     pub(super) fn read_last(&mut self, batch: &mut Batch) {
         batch.has_failed |= self.observer.is_orphaned();
         self.read(batch);
     }
 
-    /// Adds what was published since the last call to a batch.
+    /// Adds the values published since the last call to a batch.
     pub(super) fn read(&mut self, batch: &mut Batch) {
         let Self { topics, told, clock, drawn_every_ns, .. } = self;
         for place in 0..topics.len() {
@@ -171,7 +173,7 @@ impl Readers {
         }
     }
 
-    /// Samples read so far, and those that were overwritten before they could be.
+    /// Number of samples read, and of samples overwritten before they were read.
     pub(super) fn counts(&self) -> Counts {
         Counts {
             samples: self.topics.iter().map(|topic| topic.samples).sum(),
@@ -180,7 +182,7 @@ impl Readers {
         }
     }
 
-    /// The same of each topic, as the file has them.
+    /// The same counts per topic, in the format of the file.
     pub(super) fn summary(&self) -> BTreeMap<String, String> {
         let counts = self.counts();
         let mut values = BTreeMap::from([
@@ -197,7 +199,7 @@ impl Readers {
 }
 
 impl Topic {
-    /// The topics that tell how to read this one.
+    /// Topics that describe how to read this one.
     fn forms(&self) -> impl Iterator<Item = usize> {
         self.channels.iter().filter_map(|recorded| recorded.channel.form_topic())
     }

@@ -92,8 +92,8 @@ impl Freedom {
 
     /// Closes the directions that `rows` see.
     ///
-    /// Householder reflections with pivoting turn the basis so that its first columns span what the rows see of it; those
-    /// columns are dropped. Golub and Van Loan, *Matrix Computations*, 4th edition, 5.4.2.
+    /// Householder reflections with pivoting turn the basis so that its first columns span what the rows see
+    /// of it; those columns are dropped. Golub and Van Loan, *Matrix Computations*, 4th edition, 5.4.2.
     pub(crate) fn close(&mut self, rows: &Rows) {
         let (n, open, count) = (self.basis.nrows(), self.count, rows.count);
         let mut longest = 0.0_f64;

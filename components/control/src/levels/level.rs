@@ -8,7 +8,8 @@ use crate::{
     solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure},
 };
 
-/// The tasks of one level: their cost on the joint velocity, and the rows that decide which motions it closes.
+/// The tasks of one level: their cost on the joint velocity, and the rows that decide which motions it
+/// closes.
 #[derive(Debug)]
 pub(crate) struct Level {
     /// Cost on the joint velocity, without limits.
@@ -35,15 +36,16 @@ impl Level {
 
 /// Solves a level within the motions that are open to it.
 ///
-/// With `v` the velocity decided so far and `Z` the basis of the open motions, the level decides `z` of `v + Z z`:
+/// With `v` the velocity decided so far and `Z` the basis of the open motions, the level decides `z` of `v +
+/// Z z`:
 ///
 /// ```text
 /// minimise   1/2 z' (Z'PZ) z + (Z'(P v + q))' z
 /// subject to lower - v <= Z z <= upper - v,   lg - G v <= G Z z <= ug - G v
 /// ```
 ///
-/// `z = 0` is always possible: no level can make the ones above it infeasible. The problem keeps its size, whatever is
-/// open: unknowns without a motion have a cost of their own and stay zero.
+/// `z = 0` is always possible: no level can make the ones above it infeasible. The problem keeps its size,
+/// whatever is open: unknowns without a motion have a cost of their own and stay zero.
 #[derive(Debug)]
 pub(crate) struct LevelSolver {
     problem: Problem,

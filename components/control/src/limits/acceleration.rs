@@ -6,8 +6,8 @@ use nalgebra::DVector;
 use super::PositionLimit;
 use crate::{RobotState, solver::Problem};
 
-/// Joint velocities change from one tick to the next by no more than the largest acceleration `a` of each joint allows, and joints
-/// begin to brake in time for their position limits:
+/// Joint velocities change from one tick to the next by no more than the largest acceleration `a` of each
+/// joint allows, and joints begin to brake in time for their position limits:
 ///
 /// ```text
 /// v' - a dt  <=  v  <=  v' + a dt                       v': velocity of the tick before
@@ -16,10 +16,11 @@ use crate::{RobotState, solver::Problem};
 /// b(l) = sqrt(2 a l - (a / r)^2)    else
 /// ```
 ///
-/// `b` is the speed from which a deceleration of `a` leads onto the exponential approach of [`PositionLimit`], whose `rate` and `margin`
-/// it shares. Limits of positions and velocities are kept where they ask for more. Unlike those this limit excludes standing still where a
-/// joint is moving: [`DifferentialIk::add_acceleration_limit`](crate::DifferentialIk::add_acceleration_limit) gives it up where
-/// constraints contradict it.
+/// `b` is the speed from which a deceleration of `a` leads onto the exponential approach of
+/// [`PositionLimit`], whose `rate` and `margin` it shares. Limits of positions and velocities are kept where
+/// they ask for more. Unlike those this limit excludes standing still where a joint is moving:
+/// [`DifferentialIk::add_acceleration_limit`](crate::DifferentialIk::add_acceleration_limit) gives it up
+/// where constraints contradict it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AccelerationLimit {
     position: PositionLimit,
@@ -27,7 +28,8 @@ pub struct AccelerationLimit {
 }
 
 impl AccelerationLimit {
-    /// With the largest acceleration of each joint \[rad/s2 or m/s2\], more than 0; an infinite one does not bound.
+    /// With the largest acceleration of each joint \[rad/s2 or m/s2\], more than 0; an infinite one does not
+    /// bound.
     ///
     /// # Panics
     /// If it is not one number for each joint of `model`.

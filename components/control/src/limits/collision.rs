@@ -36,17 +36,18 @@ impl Default for CollisionSettings {
 /// dd/dq v  >=  -min(rate, 1/dt) (d - distance)                    m/s, at most recovery
 /// ```
 ///
-/// with the distance `d` of a pair and its slope (Faverjon and Tournassoud, *A local based approach for path planning of
-/// manipulators with a high number of degrees of freedom*, 1987). Pairs that are too near part by `recovery` at most; where other limits do
-/// not let them, they stay as they are. The motion of an obstacle itself does not count in `dd/dq v`: the robot does not approach it,
-/// and does not flee from it faster than by `recovery`.
+/// with the distance `d` of a pair and its slope (Faverjon and Tournassoud, *A local based approach for path
+/// planning of manipulators with a high number of degrees of freedom*, 1987). Pairs that are too near part by
+/// `recovery` at most; where other limits do not let them, they stay as they are. The motion of an obstacle
+/// itself does not count in `dd/dq v`: the robot does not approach it, and does not flee from it faster than
+/// by `recovery`.
 ///
-/// Of a pair with flat sides or edges the slope of the nearest points says nothing of the corner that is the nearest one after the next
-/// step. The nearest pairs have a row for each of their [witnesses](Collisions::witnesses) besides, 32 in all: two pairs all of them, a third
-/// at least eight.
+/// Of a pair with flat sides or edges the slope of the nearest points says nothing of the corner that is the
+/// nearest one after the next step. The nearest pairs have a row for each of their
+/// [witnesses](Collisions::witnesses) besides, 32 in all: two pairs all of them, a third at least eight.
 ///
-/// Of a pair whose distance is not found, but only a [bound](Proximity::is_bound) of it, the solids do not approach each other beyond it, and do
-/// not part.
+/// Of a pair whose distance is not found, but only a [bound](Proximity::is_bound) of it, the solids do not
+/// approach each other beyond it, and do not part.
 ///
 /// ```
 /// use motorium_control::limits::{CollisionLimit, CollisionSettings, RowLimit};
@@ -87,8 +88,8 @@ impl CollisionLimit {
         }
     }
 
-    /// The same limit with obstacles that [`move_object`](RowLimit::move_object) moves: index of the object in the world, of its
-    /// solid in the collision model, and frame of the solid in the object.
+    /// The same limit with obstacles that [`move_object`](RowLimit::move_object) moves: index of the object
+    /// in the world, of its solid in the collision model, and frame of the solid in the object.
     #[must_use]
     pub fn objects(mut self, objects: impl IntoIterator<Item = (usize, usize, Isometry3<f64>)>) -> Self {
         self.objects = objects.into_iter().collect();

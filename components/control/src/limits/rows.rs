@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, Isometry3};
 
 use crate::{RobotState, solver::Problem};
 
-/// Bounds on combinations of the velocities, `lower <= G v <= upper`. They admit `v = 0`, but where something beyond its limit is to
-/// [come back](LimitRows::push_barrier).
+/// Bounds on combinations of the velocities, `lower <= G v <= upper`. They admit `v = 0`, but where something
+/// beyond its limit is to [come back](LimitRows::push_barrier).
 pub trait RowLimit {
     /// Number of rows of `G`, the most that it ever has.
     fn rows(&self) -> usize;
@@ -13,8 +13,8 @@ pub trait RowLimit {
     /// Writes its rows for a tick of `dt` seconds; rows that are not written do not bound.
     fn write(&mut self, state: &RobotState<'_>, dt: f64, rows: &mut LimitRows<'_>);
 
-    /// Takes the pose of an object of the world that moves, given by its index among the objects. A limit that has nothing to do with
-    /// it ignores it.
+    /// Takes the pose of an object of the world that moves, given by its index among the objects. A limit
+    /// that has nothing to do with it ignores it.
     fn move_object(&mut self, _object: usize, _pose: &Isometry3<f64>) {}
 
     /// The smallest distance at the last tick \[m\], of a limit of distances that had one in its range.
@@ -36,7 +36,8 @@ impl<'a> LimitRows<'a> {
         Self { problem, next: first, end: first + count }
     }
 
-    /// Appends the row `lower <= row v <= upper`, where `row` has an entry for each velocity. Zero is kept within the bounds.
+    /// Appends the row `lower <= row v <= upper`, where `row` has an entry for each velocity. Zero is kept
+    /// within the bounds.
     ///
     /// # Panics
     /// If the limit has no more rows.
@@ -44,17 +45,17 @@ impl<'a> LimitRows<'a> {
         self.write(row, lower.min(0.0), upper.max(0.0));
     }
 
-    /// Appends a control barrier: `row` is the slope of what is left of a way, now `left` \[m\], of which a share of `rate` may be covered
-    /// per second.
+    /// Appends a control barrier: `row` is the slope of what is left of a way, now `left` \[m\], of which a
+    /// share of `rate` may be covered per second.
     ///
     /// ```text
     /// row v >= -rate left                              if left >= 0
     /// row v >=  min(-rate left, recovery)              else: it comes back, no faster than `recovery` [m/s]
     /// ```
     ///
-    /// A step along the tangent of a curved way leaves it by its square, and the limit of the next step begins where it ended: without
-    /// the way back such steps add up. Where no velocity fulfils all limits, what is beyond its limit stays where it is. What is left that
-    /// is no number counts as 0.
+    /// A step along the tangent of a curved way leaves it by its square, and the limit of the next step
+    /// begins where it ended: without the way back such steps add up. Where no velocity fulfils all limits,
+    /// what is beyond its limit stays where it is. What is left that is no number counts as 0.
     ///
     /// # Panics
     /// If the limit has no more rows.

@@ -11,7 +11,8 @@ const STATE: usize = 12;
 /// A state as one column: turn, position, angular momentum, velocity.
 type Column = SVector<f64, STATE>;
 
-/// Model-predictive control of the centroidal motion; see the [module](super). Nothing allocates after construction.
+/// Model-predictive control of the centroidal motion; see the [module](super). Nothing allocates after
+/// construction.
 #[derive(Debug)]
 pub struct CentroidalMpc {
     settings: MpcSettings,
@@ -80,7 +81,8 @@ impl CentroidalMpc {
         &mut self.horizon
     }
 
-    /// Sets the axes of the ground from the next solve on, two tangents and the normal as columns: friction is about its normal.
+    /// Sets the axes of the ground from the next solve on, two tangents and the normal as columns: friction
+    /// is about its normal.
     pub fn set_ground_axes(&mut self, axes: &Matrix3<f64>) {
         self.axes = *axes;
     }
@@ -91,8 +93,9 @@ impl CentroidalMpc {
         self.solver.reset();
     }
 
-    /// Decides the forces of the horizon that begins at `state`, `elapsed` seconds after the one before. `inertia` is that of the whole
-    /// robot about its centre of mass, axes of the world \[kg m2\], while the reference has this `heading` \[rad\].
+    /// Decides the forces of the horizon that begins at `state`, `elapsed` seconds after the one before.
+    /// `inertia` is that of the whole robot about its centre of mass, axes of the world \[kg m2\], while the
+    /// reference has this `heading` \[rad\].
     ///
     /// # Errors
     /// [`SolveError`]. No force at all is always possible, so that none is infeasible.
@@ -172,7 +175,8 @@ impl CentroidalMpc {
         }
     }
 
-    /// Chooses the point about which the arms of each step are taken: the measured one at first, then that of the horizon before.
+    /// Chooses the point about which the arms of each step are taken: the measured one at first, then that of
+    /// the horizon before.
     fn place_arms(&mut self, state: &CentroidalState, elapsed: f64) {
         let h = self.settings.step;
         for (step, horizon) in self.horizon.iter_mut().enumerate() {

@@ -25,15 +25,16 @@ pub struct FootPlan {
     pub ground: GroundPlane,
 }
 
-/// The place on the ground at which a foot lands: below its place at rest, `rest` from the centre of mass in the axes of the heading,
-/// in the middle of the stance that follows, and further on by the capture point's share of a velocity error, at most `most`.
+/// The place on the ground at which a foot lands: below its place at rest, `rest` from the centre of mass in
+/// the axes of the heading, in the middle of the stance that follows, and further on by the capture point's
+/// share of a velocity error, at most `most`.
 ///
 /// ```text
 /// p = c + R(heading) rest + T / 2 v* + cut(sqrt(height / g) (v - v*), most)          x and y;   z: that of the ground
 /// ```
 ///
-/// Raibert, *Legged Robots That Balance*, 1986; Pratt, Carff, Drakunov and Goswami, *Capture point: a step toward humanoid push recovery*,
-/// Humanoids 2006.
+/// Raibert, *Legged Robots That Balance*, 1986; Pratt, Carff, Drakunov and Goswami, *Capture point: a step
+/// toward humanoid push recovery*, Humanoids 2006.
 ///
 /// ```
 /// use motorium_control::mpc::{FootPlan, GroundPlane, foothold};
@@ -121,7 +122,8 @@ mod tests {
         }
     }
 
-    /// On a linear inverted pendulum, whose foot stands in a point, a mass that steps onto its capture point comes to rest.
+    /// On a linear inverted pendulum, whose foot stands in a point, a mass that steps onto its capture point
+    /// comes to rest.
     #[test]
     fn a_pendulum_that_steps_by_the_capture_share_of_its_velocity_comes_to_rest_above_its_foot() {
         let (height, gravity) = (0.5_f64, 9.81_f64);

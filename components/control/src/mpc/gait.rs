@@ -32,8 +32,8 @@ pub enum GaitError {
 }
 
 impl Gait {
-    /// A gait of this period \[s\], in which each foot stands for the share `duty` of it, and begins to stand at the share
-    /// `offsets` of it.
+    /// A gait of this period \[s\], in which each foot stands for the share `duty` of it, and begins to stand
+    /// at the share `offsets` of it.
     ///
     /// # Errors
     /// [`GaitError`].
@@ -74,8 +74,8 @@ impl Gait {
 
 /// A gait that begins and ends: before it begins, and after it ended, all feet stand.
 ///
-/// A foot that would be in the air at the beginning stands until its next swing; one that is in the air at the end lands as planned. So
-/// the schedule that is predicted is the one that is executed.
+/// A foot that would be in the air at the beginning stands until its next swing; one that is in the air at
+/// the end lands as planned. So the schedule that is predicted is the one that is executed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stepping {
     gait: Gait,
@@ -123,7 +123,8 @@ impl Stepping {
         swings.then(|| (began, began + self.gait.swing_time()))
     }
 
-    /// Beginning of the next swing of a foot that stands at `time` \[s\]; infinite if it does not swing any more.
+    /// Beginning of the next swing of a foot that stands at `time` \[s\]; infinite if it does not swing any
+    /// more.
     pub fn lifts(&self, foot: usize, time: f64) -> f64 {
         let Some(start) = self.began else { return f64::INFINITY };
         let gait = &self.gait;

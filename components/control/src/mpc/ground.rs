@@ -80,8 +80,8 @@ impl GroundPlane {
         self.tilt().into_inner()
     }
 
-    /// Approaches the least-squares plane of some places by `share`, from 0 to 1. A slope that the places do not show, because they lie in a
-    /// line or at one point, stays as it is.
+    /// Approaches the least-squares plane of some places by `share`, from 0 to 1. A slope that the places do
+    /// not show, because they lie in a line or at one point, stays as it is.
     pub fn fit(&mut self, places: impl Iterator<Item = Vector3<f64>> + Clone, share: f64) {
         let (sum, count) =
             places.clone().fold((Vector3::zeros(), 0.0), |(sum, n), place| (sum + place, n + 1.0));

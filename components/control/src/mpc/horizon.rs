@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 /// Motion of a whole robot about its centre of mass, axes of the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CentroidalState {
-    /// Rotation vector by which the base is turned from the reference at the beginning of the horizon \[rad\].
+    /// Rotation vector by which the base is turned from the reference at the beginning of the horizon
+    /// \[rad\].
     pub turn: Vector3<f64>,
     /// Centre of mass \[m\].
     pub position: Vector3<f64>,

@@ -10,8 +10,8 @@ use super::{GroundPlane, Stepping, Swing};
 pub struct PlannedFoot {
     /// Its frame.
     pub frame: FrameId,
-    /// Points at which the ground pushes, from the ground below the origin of the frame, in its axes \[m\]: the corners of a sole, or zero
-    /// alone.
+    /// Points at which the ground pushes, from the ground below the origin of the frame, in its axes \[m\]:
+    /// the corners of a sole, or zero alone.
     pub points: Vec<Vector3<f64>>,
     /// Distance of the ground below the origin of the frame: the radius of a ball \[m\].
     pub radius: f64,
@@ -19,12 +19,14 @@ pub struct PlannedFoot {
     pub friction: f64,
 }
 
-/// Reaction of a planner to feet that touch the ground before or after their time, where their contacts are measured.
+/// Reaction of a planner to feet that touch the ground before or after their time, where their contacts are
+/// measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Landing {
     /// Share of a swing from which a contact ends it, 0 to 1. Default 0.5.
     pub early_from: f64,
-    /// Speed at which a foot that has not touched at the end of its swing is moved on into the ground \[m/s\]. Default 0.3.
+    /// Speed at which a foot that has not touched at the end of its swing is moved on into the ground
+    /// \[m/s\]. Default 0.3.
     pub search_speed: f64,
     /// Longest time for which it is \[s\]; it then counts as standing all the same. Default 0.08.
     pub search_for: f64,
@@ -98,7 +100,8 @@ impl Leg {
         *self = Self { axes: self.axes, touches: self.touches, ..Self::new(self.rest, self.first, place) };
     }
 
-    /// Beginning and end of the swing that it is in at `time` \[s\] as the gait has it, unless that has ended by a contact.
+    /// Beginning and end of the swing that it is in at `time` \[s\] as the gait has it, unless that has ended
+    /// by a contact.
     pub(super) fn swing_at(&self, stepping: &Stepping, index: usize, time: f64) -> Option<(f64, f64)> {
         let early = |began: f64| self.early.is_some_and(|early| (early - began).abs() < SAME);
         stepping.swing(index, time).filter(|(began, _)| !early(*began))
@@ -109,7 +112,8 @@ impl Leg {
         self.late
     }
 
-    /// Compares the gait with what is felt at `now`: ends a swing before its time, or moves the foot on after it.
+    /// Compares the gait with what is felt at `now`: ends a swing before its time, or moves the foot on after
+    /// it.
     pub(super) fn watch(
         &mut self,
         (stepping, index): (&Stepping, usize),

@@ -38,8 +38,8 @@ pub struct PlannerSettings {
     pub landing: Landing,
 }
 
-/// A planner of the forces of the feet, by [`CentroidalMpc`], of the contacts, by a gait, and of the swings between them. Nothing
-/// allocates after construction.
+/// A planner of the forces of the feet, by [`CentroidalMpc`], of the contacts, by a gait, and of the swings
+/// between them. Nothing allocates after construction.
 #[derive(Debug)]
 pub struct LegPlanner {
     settings: PlannerSettings,
@@ -59,7 +59,8 @@ pub struct LegPlanner {
 }
 
 impl LegPlanner {
-    /// For these feet of `model`, a robot with a floating base, which stands on them at the configuration `rest` (nq).
+    /// For these feet of `model`, a robot with a floating base, which stands on them at the configuration
+    /// `rest` (nq).
     pub fn new(
         model: &Model,
         feet: Vec<PlannedFoot>,
@@ -112,12 +113,14 @@ impl LegPlanner {
         self.find_ground(1.0);
     }
 
-    /// Sets what the contact sensor of a foot says from the next step on; `None` where nothing is known, and the gait alone counts.
+    /// Sets what the contact sensor of a foot says from the next step on; `None` where nothing is known, and
+    /// the gait alone counts.
     pub fn set_touching(&mut self, foot: usize, touches: Option<bool>) {
         self.legs[foot].touches = touches;
     }
 
-    /// Plans a step of `dt` seconds from the measured state: in strides at a wanted velocity, or at rest on all feet.
+    /// Plans a step of `dt` seconds from the measured state: in strides at a wanted velocity, or at rest on
+    /// all feet.
     ///
     /// # Errors
     /// [`SolveError`]: the forces before still hold.
@@ -171,7 +174,8 @@ impl LegPlanner {
         self.legs[foot].load
     }
 
-    /// Force of the ground on a foot, and its torque about the origin of the foot's frame, axes of the world \[N, Nm\].
+    /// Force of the ground on a foot, and its torque about the origin of the foot's frame, axes of the world
+    /// \[N, Nm\].
     pub fn wrench(&self, foot: usize) -> Twist {
         let (mut wrench, leg) = (Twist::zero(), &self.legs[foot]);
         let (Some(solved), true) = (self.solved, leg.load > 0.0) else { return wrench };

@@ -15,7 +15,8 @@ pub struct PlanarVelocity {
     pub yaw_rate: f64,
 }
 
-/// The wanted motion of a centre of mass: it follows a velocity within an acceleration, at a height above the ground.
+/// The wanted motion of a centre of mass: it follows a velocity within an acceleration, at a height above the
+/// ground.
 ///
 /// ```
 /// use motorium_control::mpc::{PlanarVelocity, Reference};
@@ -71,8 +72,8 @@ impl Reference {
         self.velocity.yaw_rate += (wanted.yaw_rate - self.velocity.yaw_rate).clamp(-step, step);
     }
 
-    /// Moves by `dt` seconds, and stays near the measured centre of mass and heading: within these distances in the plane \[m\] and about
-    /// the vertical \[rad\].
+    /// Moves by `dt` seconds, and stays near the measured centre of mass and heading: within these distances
+    /// in the plane \[m\] and about the vertical \[rad\].
     pub fn advance(
         &mut self,
         dt: f64,
@@ -91,7 +92,8 @@ impl Reference {
         (self.place, self.heading) = (measured + lead, heading - beyond);
     }
 
-    /// Place \[m\], velocity \[m/s\] and heading \[rad\] after `time` seconds at the present velocity: an arc of a circle.
+    /// Place \[m\], velocity \[m/s\] and heading \[rad\] after `time` seconds at the present velocity: an arc
+    /// of a circle.
     pub fn after(&self, time: f64) -> (Vector3<f64>, Vector3<f64>, f64) {
         let PlanarVelocity { linear, yaw_rate } = self.velocity;
         let turn = yaw_rate * time;
@@ -118,14 +120,15 @@ impl Reference {
         self.heading
     }
 
-    /// Orientation of a base that is parallel to the ground after `time` seconds: from above, its x points along the heading.
+    /// Orientation of a base that is parallel to the ground after `time` seconds: from above, its x points
+    /// along the heading.
     pub fn orientation(&self, time: f64) -> Rotation3<f64> {
         let (ahead, normal) = (self.ahead(time).normalize(), self.ground.normal());
         Rotation3::from_basis_unchecked(&[ahead, normal.cross(&ahead), normal])
     }
 
-    /// Angular velocity of that base after `time` seconds \[rad/s\]: about the normal of the ground, such that the heading turns at the yaw
-    /// rate.
+    /// Angular velocity of that base after `time` seconds \[rad/s\]: about the normal of the ground, such
+    /// that the heading turns at the yaw rate.
     pub fn angular_velocity(&self, time: f64) -> Vector3<f64> {
         // from above, an angle `t` of the slope is `t normal_z |ahead|^2`
         let normal = self.ground.normal();

@@ -64,8 +64,8 @@ impl FlightControl {
         self.lasting = Vector3::zeros();
     }
 
-    /// Thrust along z of the base \[N\] and torque in its axes \[Nm\], for a base at `pose`, with its velocities
-    /// \[m/s, rad/s\] in its own axes, after a time step \[s\].
+    /// Thrust along z of the base \[N\] and torque in its axes \[Nm\], for a base at `pose`, with its
+    /// velocities \[m/s, rad/s\] in its own axes, after a time step \[s\].
     pub fn update(
         &mut self,
         target: &FlightTarget,

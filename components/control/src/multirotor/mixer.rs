@@ -90,9 +90,9 @@ impl Mixer {
         (row(0), Vector3::new(row(1), row(2), row(3)))
     }
 
-    /// Shares a thrust \[N\] and a torque \[Nm\] among the rotors. Each stays between zero and its largest thrust: first the
-    /// torque about z is given up, then the torques about x and y, and the thrust only as far as it is more than the rotors
-    /// have. True if nothing was.
+    /// Shares a thrust \[N\] and a torque \[Nm\] among the rotors. Each stays between zero and its largest
+    /// thrust: first the torque about z is given up, then the torques about x and y, and the thrust only as
+    /// far as it is more than the rotors have. True if nothing was.
     pub fn mix(&self, thrust: f64, torque: &Vector3<f64>, thrusts: &mut [f64]) -> bool {
         let mut whole = true;
         for (rotor, out) in thrusts.iter_mut().enumerate() {

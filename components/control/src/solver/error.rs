@@ -139,7 +139,8 @@ pub enum SolveError {
         /// The variable with the largest share in that direction.
         variable: usize,
     },
-    /// The cost is no convex one: along some direction it curves downwards, and its minimum is no question for this solver.
+    /// The cost is no convex one: along some direction it curves downwards, and its minimum is no question
+    /// for this solver.
     #[error(
         "not convex: P is not positive semi-definite, as its leading {} x {} block shows; check the signs of its numbers",
         .variable + 1, .variable + 1

@@ -5,11 +5,11 @@
 //! subject to  A x = b,   lg <= G x <= ug,   lb <= x <= ub
 //! ```
 //!
-//! The data are dense and small (tens of variables). [`Structure`] fixes the dimensions and the sides on which
-//! rows and variables may be bounded; a [`Problem`] holds the numbers and is overwritten in place each tick; a
-//! [`QpSolver`] is built from the structure, so that everything is allocated before the first tick.
-//! [`ActiveSetSolver`] is the solver of a control loop, [`ClarabelSolver`] the reference.
-//! [`KktResidual`] checks a claimed solution independently of its solver.
+//! The data are dense and small (tens of variables). [`Structure`] fixes the dimensions and the sides on
+//! which rows and variables may be bounded; a [`Problem`] holds the numbers and is overwritten in place each
+//! tick; a [`QpSolver`] is built from the structure, so that everything is allocated before the first tick.
+//! [`ActiveSetSolver`] is the solver of a control loop, [`ClarabelSolver`] the reference. [`KktResidual`]
+//! checks a claimed solution independently of its solver.
 
 pub mod active_set;
 pub mod clarabel;
@@ -55,6 +55,7 @@ pub trait QpSolver: Send {
     /// Iterations of the last solve, whether it found a solution or not.
     fn iterations(&self) -> u32;
 
-    /// Forgets the solution of the previous tick: the next solve computes, to the last bit, what a new solver would.
+    /// Forgets the solution of the previous tick: the next solve computes, to the last bit, what a new solver
+    /// would.
     fn reset(&mut self);
 }

@@ -6,8 +6,8 @@ use super::{Constraint, Side, Sides, Structure, UpdateError};
 
 /// The numbers of one quadratic program, to be overwritten in place each tick.
 ///
-/// With `n` unknowns, `m` equalities and `p` rows. An absent bound is `-inf` or `+inf`; so is any magnitude of
-/// [`Problem::INFINITE`] or more, the convention of most solvers.
+/// With `n` unknowns, `m` equalities and `p` rows. An absent bound is `-inf` or `+inf`; so is any magnitude
+/// of [`Problem::INFINITE`] or more, the convention of most solvers.
 #[derive(Clone, Debug)]
 pub struct Problem {
     /// `P`, n x n, symmetric positive semi-definite. Only the upper triangle is read.

@@ -1,4 +1,5 @@
-//! The structure of a quadratic program, constant between ticks: its dimensions and the sides that may have bounds.
+//! The structure of a quadratic program, constant between ticks: its dimensions and the sides that may have
+//! bounds.
 
 /// One side of a two-sided constraint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -21,7 +21,8 @@ pub enum PoseAxes {
     World,
 }
 
-/// Factors of the weights of a pose by axis: a matrix for the position and one for the orientation, in axes of one's choice.
+/// Factors of the weights of a pose by axis: a matrix for the position and one for the orientation, in axes
+/// of one's choice.
 ///
 /// With `R` from these axes to the world the error is
 ///
@@ -29,8 +30,8 @@ pub enum PoseAxes {
 /// e = (R'(p* - p), R' log(R* R_f'))               m, rad; p, R_f: the frame, p*, R*: its target
 /// ```
 ///
-/// and the rows `S_p` and `S_o` of the factors take the place of the six axes: a diagonal factor weighs each axis, and 0 leaves it
-/// free; a row may have any direction. What no row sees has no error.
+/// and the rows `S_p` and `S_o` of the factors take the place of the six axes: a diagonal factor weighs each
+/// axis, and 0 leaves it free; a row may have any direction. What no row sees has no error.
 ///
 /// ```
 /// use motorium_control::tasks::{AxisShares, CartesianSettings, PoseAxes};
@@ -72,7 +73,8 @@ impl Part {
 }
 
 impl AxisShares {
-    /// One factor for each axis: x, y and z of the position, and the rotations about them. 0 leaves an axis free.
+    /// One factor for each axis: x, y and z of the position, and the rotations about them. 0 leaves an axis
+    /// free.
     pub fn new(axes: PoseAxes, position: [f64; 3], orientation: [f64; 3]) -> Self {
         let [position, orientation] =
             [position, orientation].map(|shares| Matrix3::from_diagonal(&Vector3::from(shares)));
@@ -99,7 +101,8 @@ impl AxisShares {
         self.orientation.seen != Matrix3::zeros()
     }
 
-    /// The error of a frame at `pose` from `target`, in the axes, without what is free: position \[m\], rotation vector \[rad\].
+    /// The error of a frame at `pose` from `target`, in the axes, without what is free: position \[m\],
+    /// rotation vector \[rad\].
     pub fn error(&self, pose: &Isometry3<f64>, target: &Isometry3<f64>) -> (Vector3<f64>, Vector3<f64>) {
         let from_world = self.world_to_axes(pose, target);
         let place = target.translation.vector - pose.translation.vector;
@@ -116,7 +119,8 @@ impl AxisShares {
         }
     }
 
-    /// What turns the axes: `frame` if they are those of the frame, `target` if those of the target, nothing for the world.
+    /// What turns the axes: `frame` if they are those of the frame, `target` if those of the target, nothing
+    /// for the world.
     pub(crate) fn turning(&self, frame: Vector3<f64>, target: Vector3<f64>) -> Vector3<f64> {
         match self.axes {
             PoseAxes::Frame => frame,

@@ -13,8 +13,8 @@ use crate::{RobotState, solver::Problem};
 /// W = weight                                      1/(m/s), 1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's contact task.) In the first of several [levels](crate::DifferentialIk::levels) it holds the feet of a robot with a
-/// floating base.
+/// (OpenSoT's contact task.) In the first of several [levels](crate::DifferentialIk::levels) it holds the
+/// feet of a robot with a floating base.
 #[derive(Clone, Debug)]
 pub struct ContactTask {
     frame: FrameId,

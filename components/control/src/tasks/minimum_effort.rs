@@ -9,15 +9,17 @@ use crate::{RobotState, solver::Problem};
 /// Step along the scaled efforts over which their change is measured \[rad\].
 const STEP: f64 = 1e-5;
 
-/// Joint velocities follow the slope of the effort that the weight of the robot asks of its drives, downwards:
+/// Joint velocities follow the slope of the effort that the weight of the robot asks of its drives,
+/// downwards:
 ///
 /// ```text
 /// m = 1/2 sum_joints (g_i(q) / tau_max_i)^2       efforts as shares of their limits; of 1 Nm where there is no limit
 /// A = 1 on all velocities,   b = -gain dm/dq,   W = weight      1/(rad/s)
 /// ```
 ///
-/// (OpenSoT's task.) Since `dg/dq` of the joints is symmetric, the second derivative of the potential energy, the slope is the change
-/// of `g` along the scaled efforts: one central difference whatever the number of joints. A floating base is asked to rest.
+/// (OpenSoT's task.) Since `dg/dq` of the joints is symmetric, the second derivative of the potential energy,
+/// the slope is the change of `g` along the scaled efforts: one central difference whatever the number of
+/// joints. A floating base is asked to rest.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{MinimumEffortTask, Task}};

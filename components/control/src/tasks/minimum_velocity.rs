@@ -11,7 +11,8 @@ use crate::{RobotState, solver::Problem};
 /// A = 1 on all velocities,   b = v*,   W = weight diag(shares)      1/(rad/s) or 1/(m/s)
 /// ```
 ///
-/// (OpenSoT's and PyRoboLearn's tasks of minimum velocity, `v* = 0`, and of minimum acceleration, `v*` the velocity of the tick before.) Shares let some joints, or a floating base, move more than others.
+/// (OpenSoT's and PyRoboLearn's tasks of minimum velocity, `v* = 0`, and of minimum acceleration, `v*` the
+/// velocity of the tick before.) Shares let some joints, or a floating base, move more than others.
 #[derive(Clone, Debug)]
 pub struct MinimumVelocityTask {
     weight: f64,

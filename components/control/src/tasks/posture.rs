@@ -28,9 +28,9 @@ impl Default for PostureSettings {
 /// 1/2 |weight S (v - b)|^2,   b = gain (q* - q)
 /// ```
 ///
-/// with `S` a diagonal of shares, one per joint; a floating base is left alone. In a sum with other tasks it decides what they leave open. Where it
-/// disagrees with them it wins a share: at rest a Cartesian task of weight `w` and gain `g` keeps an error of about
-/// `(weight^2 gain) / (w^2 g)` times the posture's own.
+/// with `S` a diagonal of shares, one per joint; a floating base is left alone. In a sum with other tasks it
+/// decides what they leave open. Where it disagrees with them it wins a share: at rest a Cartesian task of
+/// weight `w` and gain `g` keeps an error of about `(weight^2 gain) / (w^2 g)` times the posture's own.
 #[derive(Clone, Debug)]
 pub struct PostureTask {
     settings: PostureSettings,

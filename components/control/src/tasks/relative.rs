@@ -23,7 +23,8 @@ impl Default for RelativeSettings {
     }
 }
 
-/// A frame `b` reaches a pose `t` relative to a frame `a` of the same robot, such as one hand beside the other.
+/// A frame `b` reaches a pose `t` relative to a frame `a` of the same robot, such as one hand beside the
+/// other.
 ///
 /// With `T_ab` the pose of `b` in `a`, and `T_bt = T_ab^-1 T_at`,
 ///

@@ -35,8 +35,8 @@ impl Default for UnicycleSettings {
 /// W = diag(f, s, y)
 /// ```
 ///
-/// (OpenSoT's task, whose wheel is a [`RollingTask`](super::RollingTask) here.) With the forward and the yaw weight zero only the
-/// motion sideways is excluded, which makes a base that other tasks lead one on an axle.
+/// (OpenSoT's task, whose wheel is a [`RollingTask`](super::RollingTask) here.) With the forward and the yaw
+/// weight zero only the motion sideways is excluded, which makes a base that other tasks lead one on an axle.
 ///
 /// ```
 /// use motorium_control::{RobotState, tasks::{Task, UnicycleSettings, UnicycleTask}};

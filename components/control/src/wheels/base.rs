@@ -146,7 +146,8 @@ impl WheelBase {
         if spread < 1e-12 {
             return Err(WheelError::OneLine);
         }
-        // the straight line through (y, way of the wheel): its slope is the turn, its height at y = 0 the way ahead
+        // the straight line through (y, way of the wheel): its slope is the turn, its height at y = 0 the way
+        // ahead
         let ways = wheels.iter().map(|wheel| {
             if wheel.steered {
                 return Vector3::zeros();
@@ -168,8 +169,8 @@ impl WheelBase {
         &self.wheels
     }
 
-    /// The velocity nearest to `twist` that wheels can roll at: that of a base that cannot go sideways has none at the
-    /// axle. Curvature limits of a steered base are those of [`curvatures`](Self::curvatures).
+    /// The velocity nearest to `twist` that wheels can roll at: that of a base that cannot go sideways has
+    /// none at the axle. Curvature limits of a steered base are those of [`curvatures`](Self::curvatures).
     #[must_use]
     pub fn feasible(&self, twist: &PlanarTwist) -> PlanarTwist {
         match self.kind {
@@ -180,8 +181,8 @@ impl WheelBase {
         }
     }
 
-    /// Speeds of the wheels \[rad/s\] for a velocity, at their steering angles \[rad\]; `steering` may be empty where
-    /// nothing is steered. For joints that are the pose, those of the joints of a base with yaw 0.
+    /// Speeds of the wheels \[rad/s\] for a velocity, at their steering angles \[rad\]; `steering` may be
+    /// empty where nothing is steered. For joints that are the pose, those of the joints of a base with yaw 0.
     pub fn speeds(&self, twist: &PlanarTwist, steering: &[f64], speeds: &mut [f64]) {
         if self.kind == BaseKind::Planar {
             speeds.copy_from_slice(&[twist.x, twist.y, twist.yaw]);
@@ -198,7 +199,8 @@ impl WheelBase {
         }
     }
 
-    /// Angle of a steered wheel \[rad\] for a curvature of the way of the axle's middle line \[1/m\]; 0 for a fixed one.
+    /// Angle of a steered wheel \[rad\] for a curvature of the way of the axle's middle line \[1/m\]; 0 for a
+    /// fixed one.
     pub fn steering(&self, wheel: usize, curvature: f64) -> f64 {
         let Wheel { position: [x, y], steered, .. } = self.wheels[wheel];
         if !steered {
@@ -222,13 +224,15 @@ impl WheelBase {
         [one.min(other), one.max(other)]
     }
 
-    /// The way of the base in its own axes, at a constant velocity, for the angles by which its wheels turned \[rad\].
+    /// The way of the base in its own axes, at a constant velocity, for the angles by which its wheels turned
+    /// \[rad\].
     pub fn way(&self, turned: &[f64]) -> PlanarTwist {
         let way: Vector3<f64> = self.ways.iter().zip(turned).map(|(way, angle)| way * *angle).sum();
         PlanarTwist { x: way.x, y: way.y, yaw: way.z }
     }
 
-    /// Covariance of the [`way`](Self::way) for an independent variance of the way that each wheel rolls \[m2\].
+    /// Covariance of the [`way`](Self::way) for an independent variance of the way that each wheel rolls
+    /// \[m2\].
     pub(super) fn covariance(&self, variance: impl Fn(usize) -> f64) -> Matrix3<f64> {
         let of_wheel = |(index, way): (usize, &Vector3<f64>)| {
             let per_metre = way / self.wheels[index].radius;

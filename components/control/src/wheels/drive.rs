@@ -4,9 +4,10 @@ use super::{BaseKind, PlanarTwist, WheelBase, WheelLimits};
 
 /// Speeds and steering angles that follow a velocity of the base within the limits of its wheels.
 ///
-/// A velocity beyond the limits is taken slower, along the same arc. The wheels of a steered base turn towards a curvature
-/// as fast as the slowest of them may; at rest they stay where they are. One that asks for more curvature than they reach
-/// drives the tightest arc there is, at the speed ahead that was asked for.
+/// A velocity beyond the limits is taken slower, along the same arc. The wheels of a steered base turn
+/// towards a curvature as fast as the slowest of them may; at rest they stay where they are. One that asks
+/// for more curvature than they reach drives the tightest arc there is, at the speed ahead that was asked
+/// for.
 #[derive(Clone, Debug)]
 pub struct WheelDrive {
     base: WheelBase,
@@ -27,8 +28,8 @@ pub struct WheelDrive {
 const HALVINGS: usize = 30;
 
 impl WheelDrive {
-    /// At rest, the steered wheels straight. `steering` are the lowest and highest angle \[rad\] and the largest rate
-    /// \[rad/s\] of every wheel, in the order of the wheels; those of fixed wheels do not count.
+    /// At rest, the steered wheels straight. `steering` are the lowest and highest angle \[rad\] and the
+    /// largest rate \[rad/s\] of every wheel, in the order of the wheels; those of fixed wheels do not count.
     pub fn new(base: WheelBase, limits: WheelLimits, steering: Vec<[f64; 3]>) -> Self {
         let count = base.wheels().len();
         let mut curvatures = [f64::NEG_INFINITY, f64::INFINITY];
@@ -96,8 +97,8 @@ impl WheelDrive {
         }
     }
 
-    /// Leads the wheels towards a velocity, for a time step \[s\]. `yaw` is that of a base whose joints are its pose. True
-    /// if they are at this velocity.
+    /// Leads the wheels towards a velocity, for a time step \[s\]. `yaw` is that of a base whose joints are
+    /// its pose. True if they are at this velocity.
     pub fn follow(&mut self, twist: &PlanarTwist, yaw: f64, dt: f64) -> bool {
         match self.base.kind() {
             BaseKind::Ackermann => self.follow_steered(twist, dt),

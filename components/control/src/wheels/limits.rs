@@ -10,17 +10,17 @@ pub struct WheelLimits {
 }
 
 impl WheelLimits {
-    /// The factor, at most 1, by which all speeds are to be multiplied so that each is within its limit: the ratios, and
-    /// with them the curvature, stay.
+    /// The factor, at most 1, by which all speeds are to be multiplied so that each is within its limit: the
+    /// ratios, and with them the curvature, stay.
     pub fn speed_factor(&self, wanted: &[f64]) -> f64 {
         let factor =
             |(wanted, limit): (&f64, &f64)| if wanted.abs() > *limit { limit / wanted.abs() } else { 1.0 };
         wanted.iter().zip(&self.speed).map(factor).fold(1.0, f64::min)
     }
 
-    /// Leads the speeds of the wheels from `speeds` towards those `wanted`, for a time step, within the limits of
-    /// acceleration: at the curvature wanted where that is within reach, else straight from the old speeds to the new.
-    /// True if all are as wanted.
+    /// Leads the speeds of the wheels from `speeds` towards those `wanted`, for a time step, within the
+    /// limits of acceleration: at the curvature wanted where that is within reach, else straight from the old
+    /// speeds to the new. True if all are as wanted.
     pub fn approach(&self, speeds: &mut [f64], wanted: &[f64], dt: f64) -> bool {
         // factors of the speeds wanted that every wheel reaches in this step
         let (mut least, mut most) = (0.0_f64, 1.0_f64);

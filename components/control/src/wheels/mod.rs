@@ -5,11 +5,11 @@
 //! no sideways motion of an axle at x = a:     vy = -wz a
 //! ```
 //!
-//! - [`WheelBase`] goes from the velocity of a base to the speeds and angles of its wheels, and back from how far wheels
-//!   turned to the way of the base.
+//! - [`WheelBase`] goes from the velocity of a base to the speeds and angles of its wheels, and back from how
+//!   far wheels turned to the way of the base.
 //! - [`WheelDrive`] leads the wheels to a velocity within their limits of speed, acceleration and steering.
-//! - [`Odometry`] adds up the way. It takes wheels for rolling without slip, along an arc between two samples; what they
-//!   slip is in its covariance only, as far as its settings say.
+//! - [`Odometry`] adds up the way. It takes wheels for rolling without slip, along an arc between two
+//!   samples; what they slip is in its covariance only, as far as its settings say.
 //!
 //! ```
 //! use motorium_control::wheels::{Odometry, PlanarTwist, Wheel, WheelBase};
@@ -69,7 +69,8 @@ pub struct PlanarPose {
 }
 
 impl PlanarPose {
-    /// The pose after a way at a constant velocity in the axes of the base: the exponential of the planar motions.
+    /// The pose after a way at a constant velocity in the axes of the base: the exponential of the planar
+    /// motions.
     #[must_use]
     pub fn after(self, way: &PlanarTwist) -> Self {
         let [x, y] = chord(way);

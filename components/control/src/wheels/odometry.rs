@@ -6,10 +6,10 @@ use super::{PlanarPose, PlanarTwist, WheelBase};
 
 /// The pose of a base, added up from the angles of its wheels along exact arcs, and how uncertain it is.
 ///
-/// It assumes that wheels roll without slip, with the radii and places the base has. Between two samples the velocity is
-/// taken for constant in the axes of the base, so that on an arc the period of the samples does not matter. What a wheel
-/// slips is taken for random, of the standard deviation `slip * sqrt(way)` (`slip` in m for a way of 1 m), each wheel by
-/// itself; a wrong radius or track is not random and not in it.
+/// It assumes that wheels roll without slip, with the radii and places the base has. Between two samples the
+/// velocity is taken for constant in the axes of the base, so that on an arc the period of the samples does
+/// not matter. What a wheel slips is taken for random, of the standard deviation `slip * sqrt(way)` (`slip`
+/// in m for a way of 1 m), each wheel by itself; a wrong radius or track is not random and not in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Odometry {
     pose: PlanarPose,
@@ -39,7 +39,8 @@ impl Odometry {
         let before = self.pose;
         self.pose = before.after(&way);
         self.distance += way.x.hypot(way.y);
-        // an error of the angle before swings the way; the error of the way itself lies in the axes half way along it
+        // an error of the angle before swings the way; the error of the way itself lies in the axes half way
+        // along it
         let mut swing = Matrix3::identity();
         swing[(0, 2)] = -(self.pose.y - before.y);
         swing[(1, 2)] = self.pose.x - before.x;
@@ -54,7 +55,8 @@ impl Odometry {
         Self { pose, covariance, distance, slip }
     }
 
-    /// Takes over a pose that joints measure, which has no error of wheels. `moved` says that the base went there.
+    /// Takes over a pose that joints measure, which has no error of wheels. `moved` says that the base went
+    /// there.
     pub fn place(&mut self, pose: PlanarPose, moved: bool) {
         if moved {
             self.distance += (pose.x - self.pose.x).hypot(pose.y - self.pose.y);

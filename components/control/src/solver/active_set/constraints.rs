@@ -50,7 +50,8 @@ impl Run<'_> {
         }
     }
 
-    /// True if the two sides of a row or a bound are one: its multiplier may have any sign, as that of an equality.
+    /// True if the two sides of a row or a bound are one: its multiplier may have any sign, as that of an
+    /// equality.
     #[inline(always)]
     pub(super) fn is_fixed(&self, constraint: usize) -> bool {
         self.value(constraint, -1.0) == self.value(constraint, 1.0)

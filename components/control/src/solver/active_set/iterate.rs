@@ -13,7 +13,8 @@ use crate::solver::{Accuracy, Problem, Solution, SolveError};
 const SINGULAR: f64 = 1e-12;
 /// Wrong signs of multipliers up to this share of the largest are rounding.
 const SIGN: f64 = 1e-13;
-/// Wrong signs up to this share of the largest number may be rounding where a constraint joins and leaves by turns.
+/// Wrong signs up to this share of the largest number may be rounding where a constraint joins and leaves by
+/// turns.
 const NOISE: f64 = 1e-9;
 /// Violation, as a share of one and of the value, that the minimum is refined for before it counts.
 const UNSURE: f64 = 1e-6;
@@ -38,8 +39,8 @@ impl WithSimd for Run<'_> {
 }
 
 impl Run<'_> {
-    /// Solves the problem; one whose Hessian is singular by a sequence of problems in which the distance to the solution
-    /// before costs something.
+    /// Solves the problem; one whose Hessian is singular by a sequence of problems in which the distance to
+    /// the solution before costs something.
     #[inline(always)]
     fn solve<F: Arithmetic>(&mut self) -> Result<(), SolveError> {
         let (most, all) =
@@ -251,7 +252,8 @@ impl Run<'_> {
                 violated = self.violated::<F>(by_number);
             }
             self.work.size = largest(&self.work.x);
-            // A small violation may be the error of an x that is not refined: it would join, and leave again, for ever.
+            // A small violation may be the error of an x that is not refined: it would join, and leave again,
+            // for ever.
             if violated
                 .as_ref()
                 .is_none_or(|violated| violated.excess <= UNSURE * (1.0 + violated.value.abs()))
@@ -279,7 +281,8 @@ impl Run<'_> {
         }
     }
 
-    /// Moves the multipliers towards those of the minimum; lets the first member go whose multiplier would change its sign.
+    /// Moves the multipliers towards those of the minimum; lets the first member go whose multiplier would
+    /// change its sign.
     #[inline(always)]
     fn drop_wrong<F: Arithmetic>(&mut self, by_number: bool) -> bool {
         let working = &mut self.work.working;
@@ -317,7 +320,8 @@ impl Run<'_> {
         for (member, solved) in working.members.iter_mut().zip(&working.solved) {
             member.multiplier += step * (solved - member.multiplier);
         }
-        // What joins and leaves at once, without a step, is violated by rounding alone: it counts as implied, as before.
+        // What joins and leaves at once, without a step, is violated by rounding alone: it counts as implied,
+        // as before.
         if step == 0.0 && self.work.joined == Some(constraint) {
             working.remove::<F>(which);
             self.work.implied.push(constraint);

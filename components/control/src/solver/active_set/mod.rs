@@ -1,10 +1,11 @@
 //! A dense dual active-set solver, behind [`QpSolver`]: what a control loop uses.
 //!
-//! It keeps a working set of constraints that are held as equalities, and multipliers of the right sign for them. While
-//! the minimum on the working set violates a constraint, that constraint joins; a member whose multiplier would change its
-//! sign on the way leaves. Every change raises the dual cost, so no working set comes again; should rounding undo that,
-//! ties are broken by the number of the constraint (Bland's rule) until the iterations are used up. A constraint that joins and leaves
-//! at once, and joins again, is violated as far as rounding can tell and has a multiplier that is rounding: it stays.
+//! It keeps a working set of constraints that are held as equalities, and multipliers of the right sign for
+//! them. While the minimum on the working set violates a constraint, that constraint joins; a member whose
+//! multiplier would change its sign on the way leaves. Every change raises the dual cost, so no working set
+//! comes again; should rounding undo that, ties are broken by the number of the constraint (Bland's rule)
+//! until the iterations are used up. A constraint that joins and leaves at once, and joins again, is violated
+//! as far as rounding can tell and has a multiplier that is rounding: it stays.
 //!
 //! With `P = L L'` and the normals `N` of the members, `B = L^-1 N`, the minimum on the working set is
 //!
@@ -12,19 +13,20 @@
 //! B'B mu = -(b + B'g),   g = L^-1 q,   L'x = -(g + B mu)
 //! ```
 //!
-//! The Cholesky factor of `B'B` is kept and changed by one row at a time; a row is computed by repeated projection, so that
-//! it is as exact as that of an orthogonal factorisation. A solve begins with the working set and the multipliers of the one
-//! before, all at once: along a smooth motion most solves change nothing. The result is refined with the residuals of the
-//! problem's own numbers. Rows and bounds whose two sides are one are equalities, and an equality without an entry counts for nothing: where
-//! a contact is lifted, its motion is free and its force is zero, and the rest of the working set stays.
+//! The Cholesky factor of `B'B` is kept and changed by one row at a time; a row is computed by repeated
+//! projection, so that it is as exact as that of an orthogonal factorisation. A solve begins with the working
+//! set and the multipliers of the one before, all at once: along a smooth motion most solves change nothing.
+//! The result is refined with the residuals of the problem's own numbers. Rows and bounds whose two sides are
+//! one are equalities, and an equality without an entry counts for nothing: where a contact is lifted, its
+//! motion is free and its force is zero, and the rest of the working set stays.
 //!
 //! A Hessian that is singular, or so badly conditioned that no solution was found, is solved as a sequence of
 //! well-conditioned problems (proximal point method), whose certificates tell *infeasible* from *unbounded*.
 //!
-//! Goldfarb and Idnani, *A numerically stable dual method for solving strictly convex quadratic programs*, 1983; Arnström,
-//! Bemporad and Axehill, *A dual active-set solver for embedded quadratic programming using recursive LDL' updates*, 2022;
-//! Daniel, Gragg, Kaufman and Stewart, *Reorthogonalization and stable algorithms for updating the Gram-Schmidt QR
-//! factorization*, 1976.
+//! Goldfarb and Idnani, *A numerically stable dual method for solving strictly convex quadratic programs*,
+//! 1983; Arnström, Bemporad and Axehill, *A dual active-set solver for embedded quadratic programming using
+//! recursive LDL' updates*, 2022; Daniel, Gragg, Kaufman and Stewart, *Reorthogonalization and stable
+//! algorithms for updating the Gram-Schmidt QR factorization*, 1976.
 
 mod certificate;
 mod constraints;
@@ -43,12 +45,12 @@ use working_set::{Member, WorkingSet};
 /// Settings of [`ActiveSetSolver`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActiveSetSettings {
-    /// Largest violation of a row or a bound, in its own unit; relative for bounds above one. A row with a largest entry outside
-    /// 1/32 to 32 is scaled first, so that this entry is from 1 to 2. Default 1e-10.
+    /// Largest violation of a row or a bound, in its own unit; relative for bounds above one. A row with a
+    /// largest entry outside 1/32 to 32 is scaled first, so that this entry is from 1 to 2. Default 1e-10.
     pub feasibility: f64,
-    /// Largest number of iterations of one solve, the bound of its time: of changes of the working set, and of factorisations of the
-    /// problem and its working set after the first. All that a solve tries counts. Default: `None`, ten times the number of constraints
-    /// and variables, and 50.
+    /// Largest number of iterations of one solve, the bound of its time: of changes of the working set, and
+    /// of factorisations of the problem and its working set after the first. All that a solve tries counts.
+    /// Default: `None`, ten times the number of constraints and variables, and 50.
     pub max_iterations: Option<u32>,
     /// Warm start: a solve begins with the working set of the one before. Default true.
     pub warm_start: bool,
@@ -115,14 +117,16 @@ struct Work {
     implied: Vec<usize>,
     /// The constraint that joined last, if it is violated so little that it may be rounding.
     joined: Option<usize>,
-    /// The constraint that joined last, if no member left since; and the one that left last, if it had joined just before.
+    /// The constraint that joined last, if no member left since; and the one that left last, if it had joined
+    /// just before.
     newest: Option<usize>,
     bounced: Option<usize>,
     /// Largest number of the last minimum.
     size: f64,
     /// True if the last refinement ended with a correction that no other one changes.
     settled: bool,
-    /// True if a constraint was left out as satisfied that `x` violates by more than the tolerance, within rounding.
+    /// True if a constraint was left out as satisfied that `x` violates by more than the tolerance, within
+    /// rounding.
     tied: bool,
     /// The members of the solve before.
     previous: Vec<Member>,
@@ -188,12 +192,14 @@ impl ActiveSetSolver {
         &self.solution
     }
 
-    /// Sets the largest number of iterations from the next solve on, see [`ActiveSetSettings::max_iterations`].
+    /// Sets the largest number of iterations from the next solve on, see
+    /// [`ActiveSetSettings::max_iterations`].
     pub fn set_max_iterations(&mut self, most: Option<u32>) {
         self.settings.max_iterations = most;
     }
 
-    /// The rows and bounds of the working set with their multipliers, as the last solve left them, with or without a solution.
+    /// The rows and bounds of the working set with their multipliers, as the last solve left them, with or
+    /// without a solution.
     pub fn working_set(&self) -> impl Iterator<Item = (Constraint, f64)> {
         let (m, p) = (self.problem.equality_value.len(), self.problem.row_lower.len());
         self.work.working.members.iter().filter(move |member| member.constraint >= m).map(move |member| {
@@ -203,8 +209,9 @@ impl ActiveSetSolver {
         })
     }
 
-    /// Makes the next solve begin with these rows and bounds and their multipliers, in place of those of the solve before. Which ones they
-    /// are changes the way to the solution and not the solution: those of a similar problem shorten it.
+    /// Makes the next solve begin with these rows and bounds and their multipliers, in place of those of the
+    /// solve before. Which ones they are changes the way to the solution and not the solution: those of a
+    /// similar problem shorten it.
     ///
     /// ```
     /// use motorium_control::solver::{ActiveSetSettings, ActiveSetSolver, Problem, QpSolver, Sides, Structure};

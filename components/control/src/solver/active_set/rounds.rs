@@ -4,7 +4,8 @@ use super::iterate::Run;
 use super::kernels::{Arithmetic, largest};
 use crate::solver::{Accuracy, Problem, ROUNDING, SolveError};
 
-/// Ratio of the smallest to the largest entry of the factor up to which an outcome without a solution is not believed.
+/// Ratio of the smallest to the largest entry of the factor up to which an outcome without a solution is not
+/// believed.
 pub(super) const POOR: f64 = 1e-3;
 /// Number of constraints that joined and left at once up to which the arithmetic holds.
 const BOUNCES: u32 = 8;
@@ -55,7 +56,8 @@ impl Run<'_> {
             }
             self.work.limit = self.settings.max_iterations.unwrap_or(2 * self.work.limit);
             self.work.iterations += 1;
-            // A poor condition may be the reason: the same problem, solved in well-conditioned steps, decides.
+            // A poor condition may be the reason: the same problem, solved in well-conditioned steps,
+            // decides.
             self.work.working.clear();
             self.shift();
             return Ok(Next::Solve { factorize: true });
@@ -65,7 +67,8 @@ impl Run<'_> {
         }
         self.work.centre[..n].copy_from_slice(&self.work.x[..n]);
         let (step, size) = (largest(&self.work.residual[..n]), largest(&self.work.centre[..n]));
-        // Where the cost is as good as flat, x may go on in small steps for ever: the conditions of the optimum decide, too.
+        // Where the cost is as good as flat, x may go on in small steps for ever: the conditions of the
+        // optimum decide, too.
         let force = self.work.shift * step;
         let slope = self.problem.gradient.amax() + self.largest_curvature() * size;
         if step <= CLOSE * (1.0 + size) || force <= NO_FORCE * slope {
@@ -88,8 +91,9 @@ impl Run<'_> {
         Ok(Next::Solve { factorize })
     }
 
-    /// True if constraints that are violated joined and left at once, again and again: the multiplier of one that is violated has the
-    /// right sign but for rounding. Where the condition of the Hessian is poor a second attempt in well-conditioned steps decides.
+    /// True if constraints that are violated joined and left at once, again and again: the multiplier of one
+    /// that is violated has the right sign but for rounding. Where the condition of the Hessian is poor a
+    /// second attempt in well-conditioned steps decides.
     #[inline(always)]
     pub(super) fn has_broken_down(&self) -> bool {
         self.work.bounces > BOUNCES && self.work.shift == 0.0 && self.work.hessian.weakest() <= POOR
@@ -98,7 +102,8 @@ impl Run<'_> {
     /// Shifts a singular Hessian.
     ///
     /// # Errors
-    /// It curves downwards, by more than rounding: with [`ROUNDING`] of its largest entry on its diagonal it is no factor's square.
+    /// It curves downwards, by more than rounding: with [`ROUNDING`] of its largest entry on its diagonal it
+    /// is no factor's square.
     #[inline(never)]
     pub(super) fn shift_singular<F: Arithmetic>(&mut self, variable: usize) -> Result<(), SolveError> {
         let before = self.work.shift;
@@ -125,8 +130,8 @@ impl Run<'_> {
         self.work.shift = if largest > 0.0 { FIRST_SHIFT * largest } else { FIRST_SHIFT };
     }
 
-    /// Test for an unbounded cost along `residual`, the last step: the variable that moves most, if the cost falls along it
-    /// for ever and no constraint blocks it.
+    /// Test for an unbounded cost along `residual`, the last step: the variable that moves most, if the cost
+    /// falls along it for ever and no constraint blocks it.
     pub(super) fn recession(&self) -> Option<usize> {
         let problem = self.problem;
         let n = problem.gradient.len();

@@ -4,8 +4,8 @@ use super::kernels::{Arithmetic, Lower, add_scaled, dot, gram, padded};
 
 /// Share of its length below which what is left of a constraint beside the others counts as nothing.
 const DEPENDENT: f64 = 1e-10;
-/// Disagreement of a constraint with those that it depends on, as a share of their values, beyond which nothing satisfies
-/// them all.
+/// Disagreement of a constraint with those that it depends on, as a share of their values, beyond which
+/// nothing satisfies them all.
 const CONFLICT: f64 = 1e-9;
 /// Share of a member in a combination of members that is rounding.
 pub(super) const NO_RATE: f64 = 1e-8;
@@ -29,7 +29,8 @@ pub(super) struct Member {
     pub(super) stays: bool,
 }
 
-/// The members with their normals `N`, with `B = L^-1 N`, where `P = L L'`, and with the Cholesky factor of `B' B`.
+/// The members with their normals `N`, with `B = L^-1 N`, where `P = L L'`, and with the Cholesky factor of
+/// `B' B`.
 #[derive(Clone, Debug)]
 pub(super) struct WorkingSet {
     pub(super) members: Vec<Member>,
@@ -115,8 +116,8 @@ impl WorkingSet {
         self.normals[variable * self.stride + member] = value;
     }
 
-    /// Takes members whose normals are written, all at once. Returns the number of leading members that are independent: those
-    /// after it are not taken.
+    /// Takes members whose normals are written, all at once. Returns the number of leading members that are
+    /// independent: those after it are not taken.
     #[inline(always)]
     pub(super) fn adopt<F: Arithmetic>(&mut self, hessian: &Lower, g: &[f64]) -> usize {
         let (count, width) = (self.members.len(), self.width());
@@ -235,7 +236,8 @@ impl WorkingSet {
         left > DEPENDENT * DEPENDENT * size && left > 0.0 && count < self.capacity
     }
 
-    /// An entry of `a - N r`, of what the shares in [`projection`](Self::projection) leave of the normal examined last.
+    /// An entry of `a - N r`, of what the shares in [`projection`](Self::projection) leave of the normal
+    /// examined last.
     #[inline(always)]
     pub(super) fn left_of_normal<F: Arithmetic>(&self, variable: usize) -> f64 {
         let width = self.width();
@@ -243,8 +245,8 @@ impl WorkingSet {
         self.normal[variable] - dot::<F>(row, &self.projection[..width])
     }
 
-    /// True if the members contradict the constraint examined last, their combination: they keep it beyond `value`, above it
-    /// (`sign` 1) or below it.
+    /// True if the members contradict the constraint examined last, their combination: they keep it beyond
+    /// `value`, above it (`sign` 1) or below it.
     #[inline(always)]
     pub(super) fn contradicts(&self, sign: f64, value: f64) -> bool {
         let (mut implied, mut size) = (0.0, value.abs());
@@ -290,8 +292,8 @@ impl WorkingSet {
         self.substitute::<F>(j);
     }
 
-    /// Residuals of stationarity and of the members at `x` and the multipliers of `solved`: subtracts `N multipliers` from `r`
-    /// and writes `value - N' x` into `gaps`.
+    /// Residuals of stationarity and of the members at `x` and the multipliers of `solved`: subtracts `N
+    /// multipliers` from `r` and writes `value - N' x` into `gaps`.
     #[inline(always)]
     pub(super) fn residuals<F: Arithmetic>(&self, x: &[f64], r: &mut [f64], gaps: &mut [f64]) {
         let width = self.width();
@@ -306,8 +308,8 @@ impl WorkingSet {
         }
     }
 
-    /// Corrects the multipliers and gives the scaled correction of the minimum, from the scaled residual `g1 = L^-1 r`, which
-    /// becomes it, and the gaps of the members.
+    /// Corrects the multipliers and gives the scaled correction of the minimum, from the scaled residual `g1
+    /// = L^-1 r`, which becomes it, and the gaps of the members.
     #[inline(always)]
     pub(super) fn correct<F: Arithmetic>(&mut self, g1: &mut [f64], gaps: &[f64]) {
         let width = self.width();

@@ -1,9 +1,9 @@
 //! The place of each number of a [`Problem`] in Clarabel's form `A x + s = b`, `s` in a cone.
 //!
 //! Rows in order: equalities (zero cone), then one row per declared side (non-negative cone), sides of `G`
-//! before bounds, then three rows per friction cone (second-order cone): `mu n`, then the two tangents. A side that is
-//! infinite at this tick keeps its place as the row `0 x + s = 1`, which never matters, and so does a cone that is off as
-//! `0 x + s = (1, 0, 0)`: the pattern is the same at every tick.
+//! before bounds, then three rows per friction cone (second-order cone): `mu n`, then the two tangents. A
+//! side that is infinite at this tick keeps its place as the row `0 x + s = 1`, which never matters, and so
+//! does a cone that is off as `0 x + s = (1, 0, 0)`: the pattern is the same at every tick.
 
 use clarabel::{
     algebra::CscMatrix,

@@ -4,8 +4,8 @@
 //! It needs about the same time whatever the active set, finds certificates of infeasibility, and cannot be
 //! warm-started. The solver object is built once; each update overwrites its numbers. Three things make that
 //! safe: its presolve and zero-dropping stay off, the sparsity pattern comes from the [`Structure`] alone
-//! (never from values, where an exact zero would shift every later entry), and scaling is done here afresh for
-//! each problem, because Clarabel's own is fixed by the first one.
+//! (never from values, where an exact zero would shift every later entry), and scaling is done here afresh
+//! for each problem, because Clarabel's own is fixed by the first one.
 
 mod layout;
 mod scaling;
@@ -27,8 +27,8 @@ pub struct ClarabelSettings {
     pub feasibility: f64,
     /// Largest number of iterations. Default 50.
     pub max_iterations: u32,
-    /// Iterative refinement of each linear solve, default true. It takes a third of the time of a small problem, for
-    /// residuals up to a thousand times smaller and safety where the Hessian is nearly singular.
+    /// Iterative refinement of each linear solve, default true. It takes a third of the time of a small
+    /// problem, for residuals up to a thousand times smaller and safety where the Hessian is nearly singular.
     pub refinement: bool,
 }
 
@@ -79,8 +79,8 @@ pub struct FrictionCone {
 
 /// A [`QpSolver`] made of one Clarabel instance. Alone of the solvers it takes friction cones.
 ///
-/// An update overwrites its numbers in place. A solve makes one allocation, the table of Clarabel's stopwatch, which Clarabel 0.11 empties
-/// at the beginning of each solve and offers no setting to keep.
+/// An update overwrites its numbers in place. A solve makes one allocation, the table of Clarabel's
+/// stopwatch, which Clarabel 0.11 empties at the beginning of each solve and offers no setting to keep.
 ///
 /// ```
 /// use motorium_control::solver::{ClarabelSettings, ClarabelSolver, FrictionCone, Problem, QpSolver, Structure};
@@ -157,7 +157,8 @@ impl ClarabelSolver {
         }
     }
 
-    /// Sets the coefficient of a friction cone from the next update on, at least 0; `None` turns the cone off.
+    /// Sets the coefficient of a friction cone from the next update on, at least 0; `None` turns the cone
+    /// off.
     ///
     /// # Panics
     /// If there is no such cone.
@@ -170,8 +171,8 @@ impl ClarabelSolver {
         &self.solution
     }
 
-    /// Calls `visit` with each inequality and cone that has a force on the last solution: whose multiplier is larger than what is left
-    /// to its surface, both scaled. An interior-point method leaves neither at zero.
+    /// Calls `visit` with each inequality and cone that has a force on the last solution: whose multiplier is
+    /// larger than what is left to its surface, both scaled. An interior-point method leaves neither at zero.
     pub fn visit_active(&self, visit: &mut dyn FnMut(Constraint)) {
         let found = &self.solver.solution;
         let (first, linear) = (self.structure.equality_count(), self.layout.linear_count());

@@ -1,8 +1,8 @@
 //! Scaling of a problem to numbers around one, for which Clarabel's absolute tolerances are meant.
 //!
 //! `x = length D x'` with `D` from the diagonal of `P` (Jacobi), `length` from the farthest limit, and each
-//! constraint row brought to unit size. Without it a tolerance of 1e-8 means nothing: the same control problem
-//! posed in radians per tick or in radians per second would stop at errors a hundred times apart.
+//! constraint row brought to unit size. Without it a tolerance of 1e-8 means nothing: the same control
+//! problem posed in radians per tick or in radians per second would stop at errors a hundred times apart.
 
 use super::{
     super::{Constraint, Problem},

@@ -9,11 +9,13 @@
 //!   "lb": [...], "ub": [...] }                          lb <= x <= ub
 //! ```
 //!
-//! Matrices are lists of rows; `P` is symmetric, or has its upper triangle alone. What is left out is empty, or unbounded; numbers of 1e20 and more stand for infinity.
+//! Matrices are lists of rows; `P` is symmetric, or has its upper triangle alone. What is left out is empty,
+//! or unbounded; numbers of 1e20 and more stand for infinity.
 //!
-//! A matrix all of whose numbers are of single precision was recorded in it. Its rounding is then no reason to refuse it: `P` may curve
-//! downwards, and differ from its transpose, by n times the spacing of single precision (1.2e-7) of its largest number, in double precision
-//! by 1e-9, and rows of `A` that depend on each other within it do so exactly.
+//! A matrix all of whose numbers are of single precision was recorded in it. Its rounding is then no reason
+//! to refuse it: `P` may curve downwards, and differ from its transpose, by n times the spacing of single
+//! precision (1.2e-7) of its largest number, in double precision by 1e-9, and rows of `A` that depend on each
+//! other within it do so exactly.
 
 mod precision;
 mod replay;

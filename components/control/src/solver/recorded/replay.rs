@@ -73,8 +73,8 @@ pub struct Replay {
     pub solved: usize,
     /// Largest violation of a constraint by a solution, in its own unit.
     pub worst_violation: f64,
-    /// Largest difference of a number of a solution from the reference: Clarabel's solution, made exact on the constraints
-    /// that it presses on.
+    /// Largest difference of a number of a solution from the reference: Clarabel's solution, made exact on
+    /// the constraints that it presses on.
     pub worst_distance: f64,
     /// Iterations of a solve.
     pub iterations: Record,
@@ -85,8 +85,8 @@ pub struct Replay {
     pub each: Option<Vec<Each>>,
 }
 
-/// Solves the problems in order, `rounds` times over; the first round is warm-up where there are more. Times are of all other
-/// rounds, accuracy of the last.
+/// Solves the problems in order, `rounds` times over; the first round is warm-up where there are more. Times
+/// are of all other rounds, accuracy of the last.
 pub fn replay(
     structure: &Structure,
     problems: &[Problem],
@@ -166,8 +166,9 @@ fn status(error: &SolveError) -> Status {
 /// Shares of a multiplier from which on a side counts as pressed on, in units of the distance to it.
 const PRESSED: [f64; 7] = [1.0, 1e-2, 1e2, 1e-4, 1e4, 1e-6, 1e6];
 
-/// The reference: an interior-point solution stops close to the optimum. On the sides that it presses on the optimality
-/// conditions are linear equations; of the sets of sides that it may press on, the one that fulfils all conditions best.
+/// The reference: an interior-point solution stops close to the optimum. On the sides that it presses on the
+/// optimality conditions are linear equations; of the sets of sides that it may press on, the one that
+/// fulfils all conditions best.
 fn exact(reference: &mut ClarabelSolver, problem: &Problem) -> Option<DVector<f64>> {
     reference.update(problem).ok()?;
     let near = reference.solve().ok()?.clone();
