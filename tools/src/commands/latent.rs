@@ -40,18 +40,24 @@ impl Latent {
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 enum Form {
+    /// The pose itself
+    Pose,
+    /// Kernel regression
     Kernel,
+    /// Network with one hidden layer
     Mlp,
+    /// A free latent
+    None,
 }
 
 #[derive(Debug, clap::Args)]
 struct TrainingOptions {
-    /// Dimensions of the latent
-    #[arg(long, default_value_t = 6)]
-    latents: usize,
-    /// Make the latent a function of the poses of `--back-space`
-    #[arg(long, value_name = "FORM")]
-    back: Option<Form>,
+    /// Dimensions of the latent [default: the columns of `--back-space` for `pose`, else 6]
+    #[arg(long)]
+    latents: Option<usize>,
+    /// Function from the poses of `--back-space` to the latent
+    #[arg(long, value_name = "FORM", default_value = "pose")]
+    back: Form,
     /// The space of the back constraint
     #[arg(long, value_name = "SPACE", default_value = "human")]
     back_space: String,
@@ -62,10 +68,12 @@ struct TrainingOptions {
 
 impl TrainingOptions {
     fn settings(&self) -> Settings {
-        let form = self.back.map(|form| match form {
-            Form::Kernel => BackForm::Kernel,
-            Form::Mlp => BackForm::Mlp,
-        });
+        let form = match self.back {
+            Form::Pose => Some(BackForm::Pose),
+            Form::Kernel => Some(BackForm::Kernel),
+            Form::Mlp => Some(BackForm::Mlp),
+            Form::None => None,
+        };
         let back = form.map(|form| (self.back_space.clone(), form));
         Settings { latents: self.latents, back, prior: true, iterations: self.iterations }
     }
