@@ -102,6 +102,7 @@ pub(super) fn build(text: &str, file: Option<&Path>, options: &LoadOptions) -> R
     let shapes = base.shapes.iter().chain(bodies.iter().flat_map(|body| &body.shapes));
     geoms.warn_of_missing_meshes(shapes, &mut warnings);
     let model = Model::new(name, base, bodies, frames);
+    crate::urdf::warn_of_model(&model, &mut warnings);
     let profile = drives::profile(&model, &references, keyframes, &drives);
     Ok(MjcfRobot { model, warnings, exclusions, profile, colours: LinkColours::of_shapes(colours) })
 }

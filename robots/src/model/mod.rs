@@ -3,6 +3,7 @@
 mod attach;
 pub(crate) mod dh_frames;
 pub(crate) mod flat;
+pub(crate) mod followers;
 mod frame;
 mod inertia;
 mod joint;
@@ -94,12 +95,8 @@ impl Model {
                 joint_bodies.push(index);
             }
         }
-        let limit = |pick: fn(&Limits) -> f64| {
-            DVector::from_iterator(
-                joint_bodies.len(),
-                joint_bodies.iter().map(|&index| pick(&bodies[index].joint.limits)),
-            )
-        };
+        let common = followers::common_limits(&bodies, &joint_bodies);
+        let limit = |pick: fn(&Limits) -> f64| DVector::from_iterator(common.len(), common.iter().map(pick));
         Self {
             joint_names: joint_bodies.iter().map(|&index| bodies[index].joint.name.clone()).collect(),
             lower: limit(|limits| limits.lower),
@@ -160,9 +157,21 @@ impl Model {
         self.flat.coupled
     }
 
-    /// Mass of all that moves \[kg\]: the base only if it floats.
+    /// Mass of all that moves \[kg\]: the base only if it floats. See [`total_mass`](Self::total_mass).
     pub fn mass(&self) -> f64 {
         self.flat.base.mass + self.bodies.iter().map(|body| body.inertia.mass).sum::<f64>()
+    }
+
+    /// Mass of all links \[kg\], those fixed to the world too.
+    ///
+    /// ```
+    /// let panda = motorium_robots::load("panda", std::path::Path::new("."))?.model;
+    /// let fixed = panda.frames()[0].inertia.mass;
+    /// assert!(fixed > 0.0 && (panda.total_mass() - panda.mass() - fixed).abs() < 1e-12);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn total_mass(&self) -> f64 {
+        self.frames.iter().map(|frame| frame.inertia.mass).sum()
     }
 
     /// True if a link has a collision shape.
@@ -236,7 +245,8 @@ impl Model {
         (0..self.frames.len()).filter(|index| carried[*index]).map(FrameId).collect()
     }
 
-    /// Lowest positions \[rad or m\], one per independent joint, -inf where there is no limit.
+    /// Lowest positions \[rad or m\], one per independent joint, -inf where there is no limit. A joint that others
+    /// follow is limited to where they are within their own limits, too; so are the upper and the velocity limits.
     pub fn lower(&self) -> &DVector<f64> {
         &self.lower
     }

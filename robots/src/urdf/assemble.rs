@@ -10,7 +10,7 @@ use super::mimic::{self, Follow};
 use super::source::{self, Survey};
 use super::structure::{self, Edge, Structure};
 use super::warning::ModelWarning;
-use super::{MimicMode, PackagePath, UrdfRobot, inertia, joints, transmission};
+use super::{MimicMode, PackagePath, UrdfRobot, inertia, joints, transmission, warn_of_model};
 use crate::load::{BaseMode, LoadOptions, ShapeSource};
 use crate::{
     Base, Body, Coordinate, Drive, Frame, Geometry, Inertia, Joint, JointKind, Limits, Model, Shape,
@@ -59,8 +59,10 @@ pub(crate) fn assemble(
     assembly.warnings.extend(survey.warnings.iter().cloned());
     transmission::warn_of_unknown_joints(&robot, &survey, &mut assembly.warnings);
     inertia::warn_of_massless_ends(&assembly.bodies, &mut assembly.warnings);
-    let Assembly { bodies, frames, base, warnings, .. } = assembly;
-    Ok(UrdfRobot { model: Model::new(robot.name.clone(), base, bodies, frames), warnings })
+    let Assembly { bodies, frames, base, mut warnings, .. } = assembly;
+    let model = Model::new(robot.name.clone(), base, bodies, frames);
+    warn_of_model(&model, &mut warnings);
+    Ok(UrdfRobot { model, warnings })
 }
 
 /// For every joint of the file the first of its entries among the independent joints, where it has one.

@@ -44,7 +44,7 @@ pub(crate) fn check_inertia(link: &str, inertia: &Inertia, warnings: &mut Vec<Mo
 }
 
 /// Eigenvalues, ascending.
-fn principal_moments(rotational: &Matrix3<f64>) -> [f64; 3] {
+pub(crate) fn principal_moments(rotational: &Matrix3<f64>) -> [f64; 3] {
     let mut values: [f64; 3] = SymmetricEigen::new(*rotational).eigenvalues.into();
     values.sort_by(f64::total_cmp);
     values

@@ -9,6 +9,7 @@ mod joints;
 mod mimic;
 mod packages;
 mod pinocchio;
+mod plausibility;
 mod source;
 mod structure;
 mod transmission;
@@ -19,6 +20,7 @@ use std::path::Path;
 
 pub(crate) use colours::visual_colours;
 pub(crate) use inertia::{check_inertia, warn_of_massless_ends};
+pub(crate) use plausibility::warn_of_model;
 
 pub use error::{Position, UrdfError, UrdfProblem};
 pub use packages::PackagePath;

@@ -118,6 +118,65 @@ pub enum ModelWarning {
         /// Reason for ignoring it.
         reason: &'static str,
     },
+    /// A joint whose follower has the narrower range.
+    #[error(
+        "joint \"{joint}\": its follower \"{follower}\" limits its range to {lower} to {upper}; the file has {} to {}",
+        .file[0], .file[1]
+    )]
+    FollowerRange {
+        /// The joint that is followed.
+        joint: String,
+        /// The joint that follows it.
+        follower: String,
+        /// Lower limit with which the follower is within its own \[rad or m\].
+        lower: f64,
+        /// Upper limit, likewise \[rad or m\].
+        upper: f64,
+        /// Lower and upper limit in the file \[rad or m\].
+        file: [f64; 2],
+    },
+    /// A joint whose follower has the lower velocity limit.
+    #[error(
+        "joint \"{joint}\": its follower \"{follower}\" limits its velocity to {velocity}; the file has {file}"
+    )]
+    FollowerVelocity {
+        /// The joint that is followed.
+        joint: String,
+        /// The joint that follows it.
+        follower: String,
+        /// Velocity at which the follower moves at its own limit \[rad/s or m/s\].
+        velocity: f64,
+        /// Velocity limit in the file \[rad/s or m/s\].
+        file: f64,
+    },
+    /// A follower that is out of its range wherever its leader is.
+    #[error(
+        "joint \"{joint}\": its limits {lower} to {upper} exclude every position it has as a follower of \"{leader}\"; \
+         ignored"
+    )]
+    FollowerOutside {
+        /// The joint that follows.
+        joint: String,
+        /// The joint that it follows.
+        leader: String,
+        /// Its lower limit \[rad or m\].
+        lower: f64,
+        /// Its upper limit \[rad or m\].
+        upper: f64,
+    },
+    /// A moving link of a size that few robots have, as millimetres give it.
+    #[error(
+        "link \"{link}\": {what} of {metres:.1} m; if lengths in the file are millimetres, divide them by 1000 and inertias \
+         by 1e6"
+    )]
+    Oversized {
+        /// Link at fault.
+        link: String,
+        /// `collision shape`, `mesh`, `radius of gyration` or `distance from its parent`.
+        what: &'static str,
+        /// The length \[m\].
+        metres: f64,
+    },
     /// A mesh file that is nowhere.
     #[error("link \"{link}\": mesh \"{uri}\" not found{}", searched(.uri, .tried))]
     MissingMesh {
@@ -187,9 +246,13 @@ impl ModelWarning {
             Self::NotPositiveDefinite { link, .. }
             | Self::TriangleInequality { link, .. }
             | Self::InertiaWithoutMass { link }
+            | Self::Oversized { link, .. }
             | Self::MissingMesh { link, .. } => ("link", link),
             Self::NoInertia { joint, .. }
             | Self::EmptyRange { joint, .. }
+            | Self::FollowerRange { joint, .. }
+            | Self::FollowerVelocity { joint, .. }
+            | Self::FollowerOutside { joint, .. }
             | Self::ManyTurns { joint, .. }
             | Self::ZeroLimit { joint, .. }
             | Self::NoEffortLimit { joint }
@@ -207,6 +270,11 @@ impl ModelWarning {
                 let told = "nothing beyond has inertia: kinematics work, but their forward dynamics is impossible; \
                             give the links an <inertial>";
                 (told.to_owned(), told.to_owned())
+            }
+            Self::Oversized { .. } => {
+                let shared = "lengths of more than 20 m; if those in the file are millimetres, divide them by 1000 and \
+                              inertias by 1e6";
+                (shared.to_owned(), shared.to_owned())
             }
             Self::NotPositiveDefinite { .. } => {
                 let told = "rotational inertias are not positive definite";
