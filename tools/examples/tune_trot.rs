@@ -74,7 +74,7 @@ impl Gait {
     const DEVIATION: [f64; 4] = [0.6, 0.3, 0.08, 0.4];
     const BOUNDS: [[f64; 2]; 4] = [[0.5, 4.0], [0.2, 2.0], [0.3, 0.8], [-1.5, 1.5]];
 
-    fn of(numbers: &[f64]) -> Self {
+    fn from_numbers(numbers: &[f64]) -> Self {
         let [frequency, amplitude, duty, phase] = [0, 1, 2, 3].map(|i| numbers[i]);
         Self { frequency, amplitude, duty, phase }
     }
@@ -121,7 +121,7 @@ struct Legs {
 }
 
 impl Legs {
-    fn of(plan: &Plan) -> anyhow::Result<Self> {
+    fn from_plan(plan: &Plan) -> anyhow::Result<Self> {
         let policy = plan.components.iter().find(|component| component.name == POLICY);
         let policy = policy.context("the graph has no policy")?;
         let robot = policy.robot.as_ref().context("the policy has no robot")?;
@@ -209,8 +209,8 @@ type Place = (usize, usize);
 
 impl Trial<'_> {
     /// Evaluates the generations that `ask` returns, until one is empty, and passes the distances of each in
-    /// order to `tell`, m. The next generation is always requested before the previous one is reported, so that
-    /// no core waits for the last gait.
+    /// order to `tell`, m. The next generation is always requested before the previous one is reported, so
+    /// that no core waits for the last gait.
     fn run(
         &self,
         mut ask: impl FnMut() -> Vec<Vec<f64>>,
@@ -245,10 +245,10 @@ impl Trial<'_> {
             let mut generations = VecDeque::new();
             loop {
                 while generations.len() < 2 {
-                    let generation = Generation::of(ask());
+                    let generation = Generation::new(ask());
                     for (index, numbers) in generation.candidates.iter().enumerate() {
                         request
-                            .send(((asked, index), Gait::of(numbers)))
+                            .send(((asked, index), Gait::from_numbers(numbers)))
                             .context("the sessions have ended")?;
                     }
                     generations.push_back(generation);
@@ -280,7 +280,7 @@ struct Generation {
 }
 
 impl Generation {
-    fn of(candidates: Vec<Vec<f64>>) -> Self {
+    fn new(candidates: Vec<Vec<f64>>) -> Self {
         Self { distances: vec![0.0; candidates.len()], missing: candidates.len(), candidates }
     }
 
@@ -306,7 +306,7 @@ fn main() -> anyhow::Result<()> {
     let text = std::fs::read_to_string(&file).with_context(|| file.display().to_string())?;
     let checked = graph::check(&file, text, &settings, &registry(), &Machine::detect())
         .map_err(|error| anyhow::anyhow!(error.render(false)))?;
-    let legs = Legs::of(&checked.plan)?;
+    let legs = Legs::from_plan(&checked.plan)?;
     // those that the program may run on: `taskset` leaves it fewer
     let cores = allowed_cores();
     let sessions = arguments.sessions.unwrap_or(cores.len()).clamp(1, cores.len());
@@ -338,7 +338,7 @@ fn main() -> anyhow::Result<()> {
     let took = began.elapsed().as_secs_f64();
     let search = search.into_inner();
     let ((best, reached), first) = search.best().zip(first).context("no gait was tried")?;
-    let Gait { frequency, amplitude, duty, phase } = Gait::of(best);
+    let Gait { frequency, amplitude, duty, phase } = Gait::from_numbers(best);
     println!("before: {:.3} m/s", first / seconds);
     println!(
         "after:  {:.3} m/s with frequency {frequency:.2} Hz, amplitude {amplitude:.2}, duty factor {duty:.2}, phase {phase:.2} rad",

@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""Recordings in MATLAB files as JSON lines that `motorium library` and `motorium primitive` read.
+"""Converts recordings in MATLAB files to JSON lines for `motorium library` and `motorium primitive`.
 
     pip install scipy
     python3 tools/scripts/mat_to_jsonl.py FILE_OR_FOLDER.. > recordings.jsonl
 
-Known are the variables of
+Supported variables:
 - UTD-MHAD skeletons (aA_sS_tT_skeleton.mat): `d_skel`, joints x 3 x frames at 30 Hz, m. A line has the 3 coordinates of every
-  joint less those of the hip centre, the label aA and the id of the file;
+  joint relative to the hip centre, the label aA and the id of the file;
 - UCI Character Trajectories (mixoutALL_shifted.mat): `mixout`, cells of 3 x samples at 200 Hz, and `consts`. A line has the
-  velocities vx, vy of a letter; samples at both ends that are all zero are left out;
+  velocities vx, vy of a letter; zero samples at both ends are removed;
 - any other matrix (--variable NAME --rate HZ): samples x degrees of freedom.
 """
 

@@ -1,4 +1,4 @@
-//! Words that a shell completes: graphs, runs, and what is in the newest run of this user; robots and kinds.
+//! Completions for shells: graphs, runs, names in this user's newest run; robots and kinds.
 
 use clap_complete::engine::{ArgValueCandidates, ArgValueCompleter, CompletionCandidate, PathCompleter};
 use motorium::plan::Plan;

@@ -22,22 +22,22 @@ macro_rules! codes {
 }
 
 codes! {
-    /// All is as it should be.
-    Done = 0, "the run finished or was interrupted, and did what the graph asks; the command did what it was asked";
+    /// Success.
+    Done = 0, "the run finished or was interrupted, as the graph requires; the command succeeded";
     /// Something failed.
-    Failed = 1, "something failed: a component could not be started, there is no run to look at, a value was refused, a file cannot be read or would be overwritten, no actuator confirmed `motorium stop --now`";
-    /// Wrong usage; clap's.
-    Usage = 2, "wrong usage: an unknown command or option, an option that cannot be read; a component program started by hand";
-    /// A graph file, or another file that a person wrote, is not right.
-    Invalid = 3, "a file that a person wrote is not right: a graph, a robot, a benchmark (`bench compare`); also if that file is missing. Nothing was started";
+    Failed = 1, "failure: a component could not be started, no run was found, a value was refused, a file cannot be read or would be overwritten, no actuator confirmed `motorium stop --now`";
+    /// Usage error; clap's code.
+    Usage = 2, "usage error: an unknown command or option, an invalid value of an option; a component program started by hand";
+    /// A graph file, or another input file, is invalid.
+    Invalid = 3, "an input file is invalid or missing: a graph, a robot, a benchmark (`bench compare`). Nothing was started";
     /// The run ended in a safe stop.
     SafeStop = 4, "the run ended in a safe stop";
-    /// The machine is not fit for what was asked.
-    Unfit = 5, "`motorium doctor`: the machine is not fit";
-    /// Something has become plainly slower than it was.
-    Slower = 6, "`motorium bench latency --ratchet`, `motorium bench compare`: something is plainly slower than it was";
-    /// The run ended in good order, but not as the graph asks.
-    Incomplete = 7, "the run ended in good order, but not as the graph asks: `warnings` of the report name each shortfall ([below](#shortfalls)); `motorium recover`: messages are damaged or missing";
+    /// The machine is not suitable.
+    Unfit = 5, "`motorium doctor`: the machine is not suitable";
+    /// A significant slowdown.
+    Slower = 6, "`motorium bench latency --ratchet`, `motorium bench compare`: a significant slowdown";
+    /// The run ended in good order, but not as the graph requires.
+    Incomplete = 7, "the run ended in good order, but not as the graph requires: `warnings` of the report name each shortfall ([below](#shortfalls)); `motorium recover`: messages are damaged or missing";
     /// The run ended in good order, but a figure of its report is not as expected.
     Unmet = 8, "the run ended in good order, but a figure of its report is not as [expected](graph-file.md#expect)";
 }
@@ -63,7 +63,7 @@ impl Code {
 /// Something failed.
 pub(crate) const FAILED: ExitCode = ExitCode::FAILURE;
 
-/// A graph file, or another file that a person wrote, is not right.
+/// A graph file, or another input file, is invalid.
 pub(crate) fn invalid() -> ExitCode {
     Code::Invalid.into()
 }
@@ -73,7 +73,7 @@ pub(crate) fn safe_stop() -> ExitCode {
     Code::SafeStop.into()
 }
 
-/// The machine is not fit for what was asked.
+/// The machine is not suitable.
 pub(crate) fn unfit() -> ExitCode {
     Code::Unfit.into()
 }
@@ -83,7 +83,7 @@ pub(crate) fn incomplete() -> ExitCode {
     Code::Incomplete.into()
 }
 
-/// Something has become plainly slower than it was.
+/// A significant slowdown.
 pub(crate) fn slower() -> ExitCode {
     Code::Slower.into()
 }

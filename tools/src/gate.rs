@@ -15,7 +15,7 @@ pub(crate) fn latch_words(latch: Latch) -> &'static str {
 }
 
 /// Summary of a gate as one line; `None` if every command passed as it was.
-pub(crate) fn words(gate: &GateReport) -> Option<String> {
+pub(crate) fn describe(gate: &GateReport) -> Option<String> {
     let mut parts = Vec::new();
     if let Some(latch) = gate.latch {
         parts.push(format!("ended in its safe state: {}", latch_words(latch)));
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn a_gate_that_let_everything_pass_is_not_mentioned() {
-        assert_eq!(words(&GateReport::default()), None);
+        assert_eq!(describe(&GateReport::default()), None);
     }
 
     #[test]
@@ -78,7 +78,7 @@ mod tests {
             ..GateReport::default()
         };
         assert_eq!(
-            words(&gate).expect("it did something"),
+            describe(&gate).expect("it did something"),
             "ended in its safe state: stopped; beyond a limit: 60 joint6 position rate, 50 joint5 position rate, \
              40 joint4 position rate, 30 joint3 position rate, 30 others; commands refused: 7 stamped in the future"
         );

@@ -32,8 +32,7 @@ pub fn command() -> clap::Command {
     numeric(<commands::Cli as clap::CommandFactory>::command())
 }
 
-/// A command to whose options a negative number is a value, which each of them takes or refuses in words of
-/// its own.
+/// A command whose options accept negative numbers as values; each option validates its own.
 fn numeric(command: clap::Command) -> clap::Command {
     command.allow_negative_numbers(true).mut_subcommands(numeric)
 }
@@ -45,7 +44,7 @@ pub fn registry() -> motorium::worker::Registry {
 
 /// The whole program; its `main` only adds the allocator that counts.
 pub fn main() -> ExitCode {
-    // What is no UTF-8 is refused by the command that reads it, as a path it may be right.
+    // The command that reads an argument checks it for UTF-8; it may be valid as a path.
     let arguments: Vec<String> =
         std::env::args_os().map(|argument| argument.to_string_lossy().into_owned()).collect();
     // This program is also the process of every built-in component, and the guard.
@@ -65,7 +64,7 @@ pub fn main() -> ExitCode {
         return role.run();
     }
     motorium::transport::quieten();
-    // Where a shell asks for completions, they are printed, and that is all.
+    // A shell's request for completions prints them and nothing else.
     clap_complete::CompleteEnv::with_factory(command).complete();
     failure::arrange(&arguments);
     let parsed = command().try_get_matches().and_then(|matches| commands::Cli::from_arg_matches(&matches));
@@ -73,5 +72,5 @@ pub fn main() -> ExitCode {
         Ok(command) => command,
         Err(error) => return failure::usage(&error),
     };
-    command.run().unwrap_or_else(|error| failure::Failure::of(&error).report())
+    command.run().unwrap_or_else(|error| failure::Failure::from_error(&error).report())
 }

@@ -65,12 +65,13 @@ pub(crate) fn load() -> KnownOverheads {
 
 /// Saves overheads for this machine. Returns the file.
 pub(crate) fn save(overheads: Overheads) -> anyhow::Result<PathBuf> {
-    let path = file().context("neither XDG_CONFIG_HOME nor HOME says where to save them")?;
+    let path =
+        file().context("neither XDG_CONFIG_HOME nor HOME is set, so there is no folder to save them")?;
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
     }
     let text = serde_json::to_string_pretty(&Saved { machine: Machine::this(), overheads })?;
-    // written beside and moved into place: a full disk leaves the older file whole
+    // written to another file and moved into place: a full disk keeps the older file intact
     let beside = path.with_extension("new");
     std::fs::write(&beside, text).with_context(|| format!("writing {}", beside.display()))?;
     std::fs::rename(&beside, &path).with_context(|| format!("writing {}", path.display()))?;

@@ -67,7 +67,7 @@ impl Printer {
     }
 
     /// Plain lines, and a state once a second; with `quiet`, standard output stays free for JSON.
-    pub(crate) fn plain(quiet: bool) -> anyhow::Result<Self> {
+    pub(crate) fn lines(quiet: bool) -> anyhow::Result<Self> {
         Self::start(Sink::Plain(Plain::new(quiet)), Box::new(once_a_second()))
     }
 
@@ -120,7 +120,7 @@ impl Printer {
     /// Waits until all is printed, for a second at most.
     pub(crate) fn finish(self) {
         drop(self.sender);
-        // Ends at once when the thread drops its end. What is not printed by then goes with the program.
+        // Ends at once when the thread drops its end. Unprinted events are lost with the program.
         let _ = self.ended.recv_timeout(LAST_LINES);
     }
 }

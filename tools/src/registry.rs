@@ -6,7 +6,7 @@ use motorium::declare::{ConfigError, RobotReference};
 use motorium::worker::{Kind, Registry, RobotSource, Sibling};
 use motorium_robots::{LoadError, ModelWarning};
 
-/// The programs that host kinds which this one does not, because of what they depend on.
+/// Programs that host further kinds, separate because of their dependencies.
 const SIBLINGS: &[Sibling] =
     &[VIEWER, Sibling { family: "bridge", program: "motorium-bridges", install: None }];
 
@@ -26,7 +26,7 @@ pub(crate) fn registry() -> Registry {
     known(kinds()).with_siblings(SIBLINGS)
 }
 
-/// The kinds that a graph may use, and those that only the graphs of benchmarks and replays are made of.
+/// The kinds that a graph may use, and kinds only used by the graphs of benchmarks and replays.
 pub(crate) fn with_hidden() -> Registry {
     let hidden = [motorium_benches::relay::kind(), motorium_bridges::recording::replay_kind()];
     let kinds = kinds().into_iter().chain(hidden).chain(motorium_benches::gate::kinds());
@@ -57,7 +57,7 @@ fn check_robot(robot: &RobotReference) -> Result<Vec<String>, ConfigError> {
     let loaded = crate::robots::load(robot).map_err(|error| match *error.source {
         LoadError::Profile { .. } if robot.profile.is_some() => {
             ConfigError::key("profile", error.source.to_string())
-                .advise("`motorium robot profile FILE` writes one that fits")
+                .advise("`motorium robot profile FILE` writes a valid one")
         }
         LoadError::Read { path, source } if robot.profile.as_ref() == Some(&path) => {
             ConfigError::key("profile", format!("cannot read {}: {source}", path.display()))

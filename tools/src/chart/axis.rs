@@ -14,15 +14,15 @@ const MARGIN: f64 = 0.04;
 impl Axis {
     /// The axis that things are drawn along, such as time: it begins and ends with them.
     pub(super) fn along(values: impl Iterator<Item = f64>, log: bool) -> Self {
-        Self::of(values, log, 0.0)
+        Self::fit(values, log, 0.0)
     }
 
     /// The axis of values: it reaches a little beyond them, and to zero where they nearly do.
     pub(super) fn values(values: impl Iterator<Item = f64>, log: bool) -> Self {
-        Self::of(values, log, MARGIN)
+        Self::fit(values, log, MARGIN)
     }
 
-    fn of(values: impl Iterator<Item = f64>, log: bool, margin: f64) -> Self {
+    fn fit(values: impl Iterator<Item = f64>, log: bool, margin: f64) -> Self {
         let mut range = [f64::INFINITY, f64::NEG_INFINITY];
         for value in values.filter(|value| value.is_finite() && (!log || *value > 0.0)) {
             range = [range[0].min(value), range[1].max(value)];
@@ -81,7 +81,7 @@ impl Axis {
     }
 }
 
-/// A number as it stands on an axis.
+/// A number as printed on an axis.
 pub(super) fn number(value: f64) -> String {
     if value == 0.0 {
         "0".into()

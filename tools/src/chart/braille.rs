@@ -29,8 +29,8 @@ const COLOURS: [Color; 12] = [
 /// Rows of the smallest chart.
 const LEAST_ROWS: u16 = 10;
 
-/// A chart as text of so many columns and rows, with its title above and its names and their last values
-/// beneath; with escape codes for colours if the terminal shows them.
+/// A chart as text of the given columns and rows, with its title above and its names and last values below;
+/// with colour escape codes if the terminal supports them.
 pub(crate) fn braille(chart: &Chart, (columns, rows): (u16, u16), colour: bool) -> String {
     let points: Vec<Vec<(f64, f64)>> =
         chart.series.iter().map(|series| series.points.iter().map(|[x, y, _]| (*x, *y)).collect()).collect();

@@ -8,7 +8,7 @@ use super::{Chart, Series};
 /// + f` the same as the positions it was built from.
 const FORCE: &str = "force of weight 1, position units / duration^2";
 
-/// Chart of some eigenforces, counted from 0; those that the library has not are left out.
+/// Chart of the given eigenforces, counted from 0; unknown ones are skipped.
 pub(crate) fn eigenforces(library: &MotionLibrary, title: &str, which: impl Iterator<Item = usize>) -> Chart {
     let spring = library.spring();
     let mut series = Vec::new();

@@ -79,9 +79,9 @@ impl Frame {
         svg
     }
 
-    /// The points of a curve, without those too near to another to be seen.
+    /// The points of a curve, without points too close to another to be visible.
     fn points(&self, measurement: &Measurement) -> String {
-        // The last sample has no share above it: it stands at the end of the axis for its count.
+        // The last sample has no share above it, so it is drawn at the end of the axis for its count.
         let least = 1.0 / measurement.ns.count.max(1) as f64;
         let curve = measurement.ns.curve();
         let mut points = String::new();
@@ -141,7 +141,7 @@ struct Curves<'a> {
     bottom: f64,
 }
 
-/// The legend beside the frame, family by family.
+/// The legend next to the frame, family by family.
 fn legend<'a>(measurements: &[&'a Measurement]) -> (String, Curves<'a>) {
     let left = WIDTH - RIGHT + 16.0;
     let mut svg = String::new();

@@ -58,7 +58,7 @@ impl Panel {
     }
 }
 
-/// Draws panels below each other; the time axis stands below the last, the legend above the first.
+/// Draws panels below each other; the time axis is below the last, the legend above the first.
 pub(crate) fn panels(panels: &[Panel]) -> String {
     let height = TOP + panels.len() as f64 * (HEIGHT + GAP) + BOTTOM;
     let mut svg = theme::begin(WIDTH, height);

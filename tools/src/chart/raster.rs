@@ -16,7 +16,7 @@ const INK: [u8; 3] = [31, 35, 40];
 const GRID: [u8; 3] = [228, 232, 236];
 const FRAME: [u8; 3] = [87, 96, 106];
 
-/// The side of a text that stands at its place.
+/// The side of a text that is anchored.
 #[derive(Clone, Copy)]
 enum Anchor {
     Begin,
@@ -54,7 +54,7 @@ impl Canvas {
         }
     }
 
-    /// Covers the dots within half a width of a segment; those on its edge in part.
+    /// Covers the dots within half a width of a segment; dots on its edge partially.
     fn segment(&mut self, from: [f64; 2], to: [f64; 2], width: f64) {
         let ([x0, y0], [x1, y1]) = (from.map(|at| at * SCALE), to.map(|at| at * SCALE));
         if ![x0, y0, x1, y1].iter().all(|at| at.is_finite()) {
@@ -79,7 +79,7 @@ impl Canvas {
         }
     }
 
-    /// Writes a text that stands on `at`, in the size of `points` pixels.
+    /// Writes a text with its baseline at `at`, in the size of `points` pixels.
     fn text(&mut self, text: &str, at: [f64; 2], points: f64, anchor: Anchor) {
         self.turned_text(text, at, points, anchor, false);
     }
@@ -143,7 +143,7 @@ fn dashed(line: &[[f64; 2]], dashes: &[f64]) -> Vec<Vec<[f64; 2]>> {
 impl Chart {
     /// The chart as a PNG file: what [`svg`](Self::svg) draws, two dots a unit.
     pub(crate) fn png(&self) -> Vec<u8> {
-        let layout = Layout::of(self, CHARACTER);
+        let layout = Layout::for_chart(self, CHARACTER);
         let Layout { left, top, width, height, .. } = layout;
         let (x, y) = (|value| layout.x(value), |value| layout.y(value));
         let mut canvas = Canvas::new(layout.size);

@@ -35,7 +35,7 @@ pub(super) struct Layout {
 impl Layout {
     /// The legend takes as much width as its longest name with letters of this width, and the picture as much
     /// height as its lines.
-    pub(super) fn of(chart: &Chart, character: f64) -> Self {
+    pub(super) fn for_chart(chart: &Chart, character: f64) -> Self {
         let names: Vec<String> = chart.series.iter().map(|series| shortened(&series.name)).collect();
         let longest = names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
         let legend = if longest == 0 { 16.0 } else { 48.0 + character * longest as f64 };
@@ -95,7 +95,7 @@ impl Series {
 impl Chart {
     /// The chart as an SVG picture, light or dark as its reader prefers.
     pub(crate) fn svg(&self) -> String {
-        let layout = Layout::of(self, CHARACTER);
+        let layout = Layout::for_chart(self, CHARACTER);
         let mut svg = theme::begin(layout.size[0], layout.size[1]);
         svg += &theme::text(layout.left, 24.0, "font-size=\"15\"", &self.title);
         svg += &layout.grid();
@@ -218,7 +218,7 @@ mod tests {
         let long = "left_leg_ankle_pitch_joint of the robot that stands at the far left";
         let names: Vec<&str> = std::iter::repeat_n(long, 40).collect();
         for character in [CHARACTER, super::super::raster::CHARACTER] {
-            let layout = Layout::of(&chart(&names, 2), character);
+            let layout = Layout::for_chart(&chart(&names, 2), character);
             let [x, y] = layout.key(39);
             assert!(y < layout.size[1] && layout.width > 200.0, "{character}");
             assert!(x + 28.0 + character * layout.names[0].chars().count() as f64 <= layout.size[0]);

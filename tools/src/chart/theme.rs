@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-/// Colours of lines, in turn: distinct on white, also for most of those who see fewer.
+/// Line colours in order: distinct on white, also for most colour-blind readers.
 pub(super) const COLOURS: [&str; 8] =
     ["#1f6feb", "#d1242f", "#1a7f37", "#9a6700", "#8250df", "#0b7285", "#bf3989", "#57606a"];
 /// The same on a dark ground.
@@ -12,8 +12,8 @@ const ON_DARK: [&str; 8] =
 /// so that 24 lines differ, and neighbours do in print without colours.
 pub(super) const DASHES: [&[f64]; 3] = [&[], &[7.0, 3.0], &[2.0, 2.5]];
 
-/// The beginning of a picture. The colours stand in the attributes of each element, which every program
-/// reads; one that knows style sheets changes them where its user prefers a dark ground.
+/// The beginning of a picture. Every element has its colours as attributes, for all programs; programs with
+/// style sheets replace them for users who prefer a dark background.
 pub(super) fn begin(width: f64, height: f64) -> String {
     begin_with(width, height, 13, "")
 }

@@ -32,13 +32,13 @@ const LONGEST: TimeSpan = TimeSpan { ns: 1_000_000_000 };
 pub(crate) struct Check {
     #[command(flatten)]
     graph: GraphArgs,
-    /// Draw the use of the cores over one hyperperiod; text if not given
+    /// Draw the use of the cores over one hyperperiod [default: text]
     #[arg(long, value_enum, value_name = "FORMAT")]
     timeline: Option<Format>,
     /// Longest part of the hyperperiod to draw [default: 1 s]
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     span: Option<TimeSpan>,
-    /// File to write the timeline to; standard output if not given
+    /// File to write the timeline to [default: standard output]
     #[arg(long, short, requires = "timeline")]
     output: Option<PathBuf>,
     /// Print the checked plan with its response times and latencies, or the errors, as JSON; with --timeline
@@ -72,9 +72,9 @@ impl Check {
             let mut answer = serde_json::json!({
                 "valid": !admission.refuses(),
                 "diagnostics": diagnostics,
-                "declared": declared::of(&checked.declared),
+                "declared": declared::to_json(&checked.declared),
                 "plan": plan,
-                "memory": memory::of(plan),
+                "memory": memory::per_topic(plan),
                 "admission": admission,
                 "overheads_origin": known.origin,
             });

@@ -10,8 +10,8 @@ use crate::out::out;
 
 /// Print a completion script for a shell.
 ///
-/// The script asks `motorium` itself, which completes commands, options and their values, graphs, robots and
-/// kinds, and of the newest run topics, components and parameters.
+/// The script calls `motorium`, which completes commands, options and their values, graphs, robots and kinds,
+/// and the topics, components and parameters of the newest run.
 ///
 /// Example: motorium completions bash > ~/.local/share/bash-completion/completions/motorium
 #[derive(Debug, clap::Args)]

@@ -16,25 +16,25 @@ use crate::style;
 /// Show the log of events of a run: starts, resets, failures, restarts, stops, misses, refusals, safe states,
 /// printed lines.
 ///
-/// The log has a fixed size: it keeps the newest 128 of each severity, and of printed lines. A run that is
-/// over has none, but what was left behind by a crash is shown when its id is named.
+/// The log has a fixed size: it keeps the newest 128 of each severity, and of printed lines. A finished run
+/// has no log; the log of a crashed run is shown by its id.
 ///
 /// Example: motorium events --follow --severity warning
 #[derive(Debug, clap::Args)]
 pub(crate) struct Events {
-    /// Run to show: its id, the beginning of it, or the name of its graph; the newest if not given
+    /// Run to show: its id, the beginning of it, or the name of its graph [default: the newest]
     #[arg(value_name = "RUN", add = crate::complete::runs())]
     name: Option<String>,
     /// The same, as in other commands
     #[arg(long = "run", value_name = "ID", conflicts_with = "name", add = crate::complete::runs())]
     run: Option<String>,
-    /// Show further events as they come, until the run is over
+    /// Follow new events until the run is over
     #[arg(long, short)]
     follow: bool,
-    /// Show the newest N of what is in the log; all if not given
+    /// Show the newest N events of the log [default: all]
     #[arg(long, short = 'n', value_name = "N")]
     lines: Option<usize>,
-    /// Show events of this severity and graver ones
+    /// Show events of at least this severity
     #[arg(long, short, value_enum, default_value_t = Severity::Information, hide_default_value = true)]
     severity: Severity,
     /// Show events of this component
@@ -71,7 +71,7 @@ impl Severity {
 fn kind(text: &str) -> Result<EventKind, String> {
     EventKind::ALL.iter().find(|kind| kind.name() == text).copied().ok_or_else(|| {
         let names = EventKind::ALL.iter().map(|kind| kind.name());
-        format!("there is no such kind of events; {}", suggest(text, names, "there are"))
+        format!("unknown kind of event; {}", suggest(text, names, "there are"))
     })
 }
 
@@ -228,17 +228,17 @@ mod tests {
         }
     }
 
-    fn plain(text: &str) -> String {
+    fn unstyled(text: &str) -> String {
         anstream::adapter::strip_str(text).to_string()
     }
 
     #[test]
     fn a_line_shows_time_severity_component_kind_and_text() {
         assert_eq!(
-            plain(&line(&event(), ClockKind::Realtime, 10)),
+            unstyled(&line(&event(), ClockKind::Realtime, 10)),
             "   12.500000 s  warning      physics     refused             `physics` refused 3 commands: 3 beyond a limit"
         );
-        let simulated = plain(&line(&event(), ClockKind::Lockstep, 10));
+        let simulated = unstyled(&line(&event(), ClockKind::Lockstep, 10));
         assert!(simulated.starts_with("    2.250000 s  warning"), "{simulated}");
     }
 

@@ -19,8 +19,8 @@ const END_WITHIN: Duration = Duration::from_secs(5);
 
 /// Kill, end or stop the process of one component of a run.
 ///
-/// It shows what the run makes of it: the component is restarted, or its end stops the graph, as `on_failure`
-/// and `restart` say. `motorium events` lists what followed.
+/// It tests the reaction of the run: `on_failure` and `restart` decide whether the component is restarted or
+/// the graph stops. `motorium events` lists the consequences.
 ///
 /// Example: motorium kill panda-reach controller
 #[derive(Debug, clap::Args)]
@@ -70,7 +70,7 @@ impl Kill {
         anyhow::ensure!(
             pid != run.region.header().launcher.load(Relaxed),
             "`{name}` is a thread of the launcher, which would end with it; `motorium stop` ends the run, and with \
-             `--hosting processes` each component has a process of its own"
+             `--hosting processes` each component has a separate process"
         );
         let process = Watch::new(pid).with_context(|| format!("`{name}` has no living process"))?;
         process.signal(self.signal.signal());

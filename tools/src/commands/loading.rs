@@ -31,14 +31,14 @@ pub(crate) fn graph_file() -> impl TypedValueParser<Value = PathBuf> {
 /// Options that name a graph, and override its values.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct GraphArgs {
-    /// The graph file, `-` for standard input; graphs/panda-reach.toml if not given
+    /// The graph file, `-` for standard input [default: graphs/panda-reach.toml]
     #[arg(default_value = DEFAULT_GRAPH, hide_default_value = true, add = complete::graphs())]
     pub(crate) graph: PathBuf,
-    /// A graph that comes with motorium: draw-letter, panda-reach, quadruped-trot or two-arms
+    /// A built-in example graph: draw-letter, panda-reach, quadruped-trot or two-arms
     #[arg(long, value_name = "NAME", conflicts_with = "graph", value_parser = examples::names(),
           hide_possible_values = true)]
     pub(crate) example: Option<String>,
-    /// Lay a file over the graph, before `--set`: tables merge, values replace; may be repeated
+    /// Merge a file over the graph, before `--set`: tables merge, values replace; may be repeated
     #[arg(long = "with", value_name = "OVERLAY.toml", add = complete::graphs())]
     pub(crate) with: Vec<PathBuf>,
     /// Set a value of the graph file, such as `controller.config.damping=1e-4`; may be repeated
@@ -61,7 +61,7 @@ impl GraphArgs {
         }
         let missing = self.graph == Path::new(DEFAULT_GRAPH) && !self.graph.exists();
         missing.then_some(DEFAULT_EXAMPLE).and_then(|name| {
-            errln!("{DEFAULT_GRAPH} is not here: the example `{name}` of this program takes its place");
+            errln!("{DEFAULT_GRAPH} not found: using the built-in example `{name}`");
             Some((name, examples::text(name)?))
         })
     }

@@ -101,7 +101,7 @@ impl Solve {
 
 fn read(path: &Path) -> anyhow::Result<(Structure, Vec<motorium_control::solver::Problem>)> {
     let bytes = read_bounded(path, LONGEST)?;
-    let text = String::from_utf8(bytes).context("it is no UTF-8 text")?;
+    let text = String::from_utf8(bytes).context("the file is not UTF-8")?;
     Ok(recorded::read(&text)?)
 }
 

@@ -36,10 +36,10 @@ pub(crate) struct Run {
     /// Name of the run, instead of its graph's; look-ups accept it
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
-    /// Duration of the run, such as `10s`; as the graph says, or until Ctrl-C, if not given
+    /// Duration of the run, such as `10s` [default: the graph's, or until Ctrl-C]
     #[arg(long = "for", value_name = "DURATION", allow_hyphen_values = true)]
     duration: Option<TimeSpan>,
-    /// The clock, `realtime` or `lockstep`: as the graph says if not given
+    /// The clock, `realtime` or `lockstep` [default: the graph's]
     #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,
     /// Hosting of the components: in `processes`, `threads`, or `inline`, in one thread; `--core N` names
@@ -49,19 +49,19 @@ pub(crate) struct Run {
     /// The same as `--hosting threads`
     #[arg(long, conflicts_with = "hosting", hide = true)]
     in_process: bool,
-    /// In lockstep: the core of everything in the run; as the graph says if not given
+    /// In lockstep: the core of the whole run [default: the graph's]
     #[arg(long, hide = true)]
     core: Option<usize>,
-    /// Divide the run into so many episodes, each begun by a reset of all components
+    /// Number of episodes, each begun by a reset of all components
     #[arg(long, value_name = "N")]
     episodes: Option<u64>,
     /// Give each episode a separate seed: the graph's plus the episode number
     #[arg(long, requires = "episodes")]
     vary_seed: bool,
-    /// Simulated time per real time; as fast as the machine allows if not given
+    /// Simulated time per real time [default: as fast as the machine allows]
     #[arg(long, value_name = "FACTOR", value_parser = pace)]
     pace: Option<f64>,
-    /// Hold simulated time at the start, until `motorium step`
+    /// Pause simulated time at the start, until `motorium step`
     #[arg(long)]
     paused: bool,
     /// Expect a figure, such as `controller.goals_missed == 0`; may be repeated; `--no-expect`: nothing
@@ -70,7 +70,7 @@ pub(crate) struct Run {
     /// Expect nothing, whatever the graph expects
     #[arg(long, conflicts_with = "expect", hide = true)]
     no_expect: bool,
-    /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
+    /// Run even if the budgets of the graph cannot hold, alone or together with other live runs
     #[arg(long)]
     force: bool,
     /// Record every sample into an MCAP file
@@ -188,7 +188,7 @@ impl Run {
         if checked.plan.clock == ClockKind::Realtime && admission.refuses() {
             err!("{}", problems(&admission));
             if !self.force {
-                errln!("{}", style::dim(format!("what the machine takes: {}", known.origin)));
+                errln!("{}", style::dim(format!("overheads of the machine: {}", known.origin)));
                 errln!("nothing was started; `--force` runs it all the same");
                 let problem = admission.refusals().next().map(|refusal| refusal.message.clone());
                 let reason = problem.unwrap_or_else(|| "the graph cannot hold its times".to_string());
@@ -226,7 +226,7 @@ impl Run {
         // a terminal that says it can be drawn on, and then does not answer, gets plain lines
         let mut printer = match live.then(|| Printer::screen(&plan)) {
             Some(Ok(screen)) => screen,
-            Some(Err(_)) | None => Printer::plain(self.json)?,
+            Some(Err(_)) | None => Printer::lines(self.json)?,
         };
         let ran = self.drive(plan, &registry, &options, &mut |event| {
             serve(&event);

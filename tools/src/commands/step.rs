@@ -15,10 +15,10 @@ const LOOK: Duration = Duration::from_millis(2);
 /// Longest time without a round.
 const ROUND_WITHIN: Duration = Duration::from_secs(10);
 
-/// Step a run in lockstep whose simulated time is held, hold it, or let it go on.
+/// Step a paused lockstep run, pause it, or continue it.
 ///
-/// A round is a simulated time at which a component is due: all that are due then step, one after the other.
-/// A run is held from its start by `motorium run --paused`, and later by `--hold`.
+/// A round is a simulated time at which components are due; they step one after the other. `motorium run
+/// --paused` pauses a run at its start, `--hold` later.
 ///
 /// Example: motorium step 10
 #[derive(Debug, clap::Args)]
@@ -26,10 +26,10 @@ pub(crate) struct Step {
     /// Number of rounds
     #[arg(default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
     rounds: u64,
-    /// Hold simulated time
+    /// Pause simulated time
     #[arg(long, conflicts_with_all = ["rounds", "go"])]
     hold: bool,
-    /// Let simulated time go on
+    /// Continue simulated time
     #[arg(long, conflicts_with = "rounds")]
     go: bool,
     #[command(flatten)]
@@ -45,7 +45,7 @@ impl Step {
         let header = run.region.header();
         anyhow::ensure!(
             run.plan.clock == ClockKind::Lockstep,
-            "graph `{}` runs in real time, which cannot be held; launch it with `--clock lockstep`",
+            "graph `{}` runs in real time, which cannot be paused; launch it with `--clock lockstep`",
             run.plan.name
         );
         if self.hold || self.go {
@@ -53,7 +53,7 @@ impl Step {
         } else {
             anyhow::ensure!(
                 header.is_paused(),
-                "graph `{}` is not held; `motorium step --hold` holds its simulated time",
+                "graph `{}` is not paused; `motorium step --hold` pauses its simulated time",
                 run.plan.name
             );
             let before = header.rounds_granted.fetch_add(self.rounds, Relaxed);
@@ -83,7 +83,7 @@ fn await_rounds(run: &LivingRun, rounds: u64) -> anyhow::Result<()> {
             return Ok(());
         }
         anyhow::ensure!(!launcher.wait(Some(LOOK)), "the run ended meanwhile");
-        anyhow::ensure!(header.is_paused(), "somebody lets its simulated time go on");
+        anyhow::ensure!(header.is_paused(), "another program continues its simulated time");
         if taken != seen {
             (seen, since) = (taken, Instant::now());
         }

@@ -23,7 +23,7 @@ const REACT_WITHIN: Duration = Duration::from_secs(1);
 
 /// End a run in good order, or stop its robot at once.
 ///
-/// Without `--now` the launcher ends the run, as at Ctrl-C: the actuators go to their safe state first. With
+/// Without `--now` the launcher ends the run, as on Ctrl-C: the actuators enter their safe state first. With
 /// it every actuator goes to its safe state at its next step and stays there until `motorium resume`; the run
 /// continues, and its launcher is not needed.
 ///
@@ -42,8 +42,8 @@ pub(crate) struct Stop {
 
 /// Release the actuators of a run from a stop.
 ///
-/// They leave the safe state as `[safety] resume` says: by default from where they are held, at limited
-/// velocity and acceleration.
+/// They leave the safe state as set by `[safety] resume`: by default from the held pose, at limited velocity
+/// and acceleration.
 ///
 /// Example: motorium resume
 #[derive(Debug, clap::Args)]

@@ -19,19 +19,19 @@ use super::run::{Clock, Run, Traced};
 pub(crate) struct Trace {
     #[command(flatten)]
     graph: GraphArgs,
-    /// Duration of the run, such as `2s`; as the graph says, or until Ctrl-C, if not given
+    /// Duration of the run, such as `2s` [default: the graph's, or until Ctrl-C]
     #[arg(long = "for", value_name = "DURATION", allow_hyphen_values = true)]
     duration: Option<TimeSpan>,
-    /// The clock, `realtime` or `lockstep`: as the graph says if not given
+    /// The clock, `realtime` or `lockstep` [default: the graph's]
     #[arg(long, value_enum, hide_possible_values = true)]
     clock: Option<Clock>,
-    /// Run even if the budgets of the graph cannot hold, alone or beside the runs that are alive
+    /// Run even if the budgets of the graph cannot hold, alone or together with other live runs
     #[arg(long)]
     force: bool,
     /// Print the report of the run as JSON on standard output
     #[arg(long)]
     json: bool,
-    /// The file of the trace; one that is there is replaced
+    /// The file of the trace; an existing one is replaced
     #[arg(long, short, value_name = "FILE.json", default_value = "trace.json")]
     output: PathBuf,
 }

@@ -22,15 +22,15 @@ const MAGIC: &[u8; 8] = b"\x89MCAP0\r\n";
 /// First argument of the viewer; the order, as JSON, is the second.
 const SERVE: &str = "motorium-view";
 
-/// Most samples of a topic that are sent a second if nothing else is asked for.
+/// Default of the largest number of samples of a topic sent per second.
 const RATE_HZ: f64 = 60.0;
 
 /// Show a running graph, or a recording: the robot in 3D, plots, parameters, a stop button.
 ///
-/// With a graph it starts that; a recording it plays, which the page holds, moves and speeds up as Foxglove
-/// does; without one it shows a run that goes on, and whatever run of the same graph comes after it. The page
-/// and the WebSocket of Foxglove's protocol, for Foxglove and Lichtblick, are on one port of this machine.
-/// Who has the address with its token may command; who has not may look.
+/// With a graph it starts the graph; a recording it plays, with playback control in the page and in Foxglove;
+/// without either it shows a running graph, and later runs of the same graph. The page and Foxglove's
+/// WebSocket protocol, for Foxglove and Lichtblick, share one port of this machine. Clients with the token
+/// may command, others may only observe.
 ///
 /// Example: motorium view graphs/panda-reach.toml
 #[derive(Debug, clap::Args)]
@@ -47,12 +47,11 @@ pub(crate) struct View {
     /// Most samples of a topic to send a second, in Hz
     #[arg(long, value_name = "HZ", default_value_t = RATE_HZ, value_parser = rate)]
     rate: f64,
-    /// Open the page in a headless browser, compare what it shows with the run, write its picture to this
-    /// file, and end
+    /// Open the page in a headless browser, compare its values with the run, write a screenshot to this file,
+    /// and end
     #[arg(long, value_name = "PNG")]
     headless_check: Option<PathBuf>,
-    /// The token for commands; one that nobody can guess if not given. Other users of the machine see it in
-    /// the list of processes
+    /// The token for commands [default: random]. Other users of the machine see it in the list of processes
     #[arg(long, value_name = "TOKEN")]
     token: Option<String>,
     /// Options for `motorium run`, after `--`, such as `-- --clock lockstep --pace 1`
@@ -81,7 +80,7 @@ fn program() -> anyhow::Result<PathBuf> {
         let name = sibling.program;
         let install = registry::INSTALL_VIEWER;
         format!(
-            "`{name}` is neither beside motorium nor on PATH; install it from a checkout of motorium: `{install}`"
+            "`{name}` not found in the folder of motorium or on PATH; install it from a checkout of motorium: `{install}`"
         )
     })
 }
@@ -156,7 +155,7 @@ impl Watched {
         Ok(Self(command.spawn().with_context(|| format!("starting {}", program.display()))?))
     }
 
-    /// True if it has not ended by itself.
+    /// True if it is still running.
     pub(super) fn goes_on(&mut self) -> bool {
         matches!(self.0.try_wait(), Ok(None))
     }

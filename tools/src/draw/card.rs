@@ -91,7 +91,8 @@ pub(super) fn card(
     let described = &plan.components[component];
     let mut lines = vec![words::program(described)];
     lines.extend(words::facts(described, plan));
-    let rate = measured.and_then(|measured| Measured::of(&measured.rates, component)).map(str::to_string);
+    let rate =
+        measured.and_then(|measured| Measured::text_at(&measured.rates, component)).map(str::to_string);
     let text =
         lines.iter().chain(&rate).map(|line| width(line, FACT)).fold(width(&described.name, NAME), f64::max);
     let count = lines.len() + usize::from(rate.is_some());
@@ -102,7 +103,7 @@ pub(super) fn card(
         items.iter().position(|other| Some(other) == item)
     };
     let column = layers.column_of[component];
-    // outputs in the order of their readers, those that only go back last
+    // outputs in the order of their readers, backward ones last
     outputs.sort_by_key(|output| {
         wires
             .iter()
@@ -156,7 +157,7 @@ fn output(plan: &Plan, topic: usize, measured: Option<&Measured>) -> Output {
     let budgets = plan.latencies.iter().enumerate().filter(|(_, latency)| latency.to == topic);
     let budgets = budgets.flat_map(|(index, latency)| {
         let [limit, since] = words::latency(latency, plan);
-        match measured.and_then(|measured| Measured::of(&measured.latencies, index)) {
+        match measured.and_then(|measured| Measured::text_at(&measured.latencies, index)) {
             Some(seen) => [format!("{limit}: {seen}"), since],
             None => [limit, since],
         }
@@ -166,7 +167,9 @@ fn output(plan: &Plan, topic: usize, measured: Option<&Measured>) -> Output {
         offset: 0.0,
         name: plan.topics[topic].name.clone(),
         carried: words::carried(&plan.topics[topic]),
-        measured: measured.and_then(|measured| Measured::of(&measured.topics, topic)).map(str::to_string),
+        measured: measured
+            .and_then(|measured| Measured::text_at(&measured.topics, topic))
+            .map(str::to_string),
         budgets: budgets.collect(),
     }
 }

@@ -18,7 +18,7 @@ pub(crate) fn dot(plan: &Plan, measured: Option<&Measured>) -> String {
         let mut lines =
             vec![format!("<b>{}</b>", escape(&component.name)), escape(&words::program(component))];
         lines.extend(words::facts(component, plan).iter().map(|fact| escape(fact)));
-        lines.extend(measured.and_then(|measured| Measured::of(&measured.rates, index)).map(escape));
+        lines.extend(measured.and_then(|measured| Measured::text_at(&measured.rates, index)).map(escape));
         let _ = writeln!(text, "    c{index} [label=<{}>];", lines.join("<br/>"));
     }
     for wire in wires(plan) {
@@ -46,10 +46,10 @@ pub(crate) fn dot(plan: &Plan, measured: Option<&Measured>) -> String {
 
 fn label(plan: &Plan, topic: usize, measured: Option<&Measured>) -> String {
     let mut lines = vec![escape(&plan.topics[topic].name), escape(&words::carried(&plan.topics[topic]))];
-    lines.extend(measured.and_then(|measured| Measured::of(&measured.topics, topic)).map(escape));
+    lines.extend(measured.and_then(|measured| Measured::text_at(&measured.topics, topic)).map(escape));
     for (index, latency) in plan.latencies.iter().enumerate().filter(|(_, latency)| latency.to == topic) {
         let budget = words::latency(latency, plan).join(" ");
-        let seen = measured.and_then(|measured| Measured::of(&measured.latencies, index));
+        let seen = measured.and_then(|measured| Measured::text_at(&measured.latencies, index));
         lines.push(escape(&seen.map_or(budget.clone(), |seen| format!("{budget}: {seen}"))));
     }
     lines.join("<br/>")

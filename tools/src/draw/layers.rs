@@ -24,7 +24,7 @@ pub(super) struct Layers {
     pub(super) columns: Vec<Vec<Item>>,
     /// By component: its column.
     pub(super) column_of: Vec<usize>,
-    /// By wire: whether it goes back to the same column or one further left.
+    /// By wire: true if it leads to the same column or one further left.
     pub(super) back: Vec<bool>,
 }
 
@@ -32,7 +32,7 @@ pub(super) struct Layers {
 const SWEEPS: usize = 16;
 
 impl Layers {
-    pub(super) fn of(plan: &Plan, wires: &[Wire]) -> Self {
+    pub(super) fn assign(plan: &Plan, wires: &[Wire]) -> Self {
         let count = plan.components.len();
         let back = back_wires(plan, wires);
         let forward: Vec<(usize, usize)> = wires
@@ -140,8 +140,8 @@ impl Layers {
     }
 }
 
-/// The wires that close a loop: first those into the component that applies commands, since that is where a
-/// control loop closes; then whatever still closes one, in the order of the file.
+/// The wires that close a loop: first wires into the component that applies commands, where a control loop
+/// closes; then the remaining ones, in the order of the file.
 fn back_wires(plan: &Plan, wires: &[Wire]) -> Vec<bool> {
     let mut back: Vec<bool> = wires.iter().map(|wire| wire.writer == wire.reader).collect();
     for index in 0..wires.len() {
@@ -168,7 +168,7 @@ fn back_wires(plan: &Plan, wires: &[Wire]) -> Vec<bool> {
     back
 }
 
-/// True if data goes from one component to another along wires that are not left out.
+/// True if data flows from one component to another along the remaining wires.
 fn reaches(from: usize, to: usize, wires: &[Wire], left_out: &[bool]) -> bool {
     let mut seen = vec![from];
     let mut next = 0;
@@ -186,8 +186,8 @@ fn reaches(from: usize, to: usize, wires: &[Wire], left_out: &[bool]) -> bool {
     false
 }
 
-/// Column of each component: one further than everything it reads; a component that reads nothing stands just
-/// before its readers.
+/// Column of each component: one further than its inputs; a component without inputs is placed just before
+/// its readers.
 fn assign(count: usize, forward: &[(usize, usize)]) -> Vec<usize> {
     let mut column = vec![0; count];
     // longest paths settle after as many rounds as there are components

@@ -43,7 +43,7 @@ pub(crate) struct Measured {
 }
 
 impl Measured {
-    fn of(values: &[Option<String>], index: usize) -> Option<&str> {
+    fn text_at(values: &[Option<String>], index: usize) -> Option<&str> {
         values.get(index)?.as_deref()
     }
 }

@@ -45,11 +45,11 @@ pub(super) struct Placement {
     pub(super) columns: Vec<Column>,
     /// By wire: heights at which it passes the columns on its way.
     pub(super) passages: Vec<Vec<f64>>,
-    /// By wire: the lanes of one that goes back.
+    /// By wire: the lanes of a backward wire.
     pub(super) lanes: Vec<Option<Lanes>>,
 }
 
-/// The way of a wire that goes back: down in one column, left below everything, up before another.
+/// The route of a backward wire: down in one column, left below everything, up before another.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lanes {
     pub(super) down: f64,
@@ -58,7 +58,7 @@ pub(super) struct Lanes {
 }
 
 impl Placement {
-    pub(super) fn of(plan: &Plan, wires: &[Wire], layers: &Layers, measured: Option<&Measured>) -> Self {
+    pub(super) fn compute(plan: &Plan, wires: &[Wire], layers: &Layers, measured: Option<&Measured>) -> Self {
         let mut cards: Vec<Card> = (0..plan.components.len())
             .map(|component| card(plan, component, wires, layers, measured))
             .collect();
@@ -114,7 +114,7 @@ struct Heights<'a> {
 fn heights(cards: &[Card], wires: &[Wire], layers: &Layers) -> Vec<Vec<f64>> {
     let mut heights = Heights { cards, wires, layers, tops: Vec::new() };
     for items in &layers.columns {
-        let stacked: Vec<_> = items.iter().map(|item| (0.0, heights.of(*item), 1.0)).collect();
+        let stacked: Vec<_> = items.iter().map(|item| (0.0, heights.height(*item), 1.0)).collect();
         heights.tops.push(spread(&stacked));
     }
     let count = layers.columns.len();
@@ -126,9 +126,9 @@ fn heights(cards: &[Card], wires: &[Wire], layers: &Layers) -> Vec<Vec<f64>> {
                 .iter()
                 .zip(&heights.tops[column])
                 .map(|(item, top)| match heights.level(column, *item, left) {
-                    Some(wanted) => (wanted, heights.of(*item), 1.0),
-                    // with nothing to be level with it gives way to those that have
-                    None => (*top, heights.of(*item), 0.05),
+                    Some(wanted) => (wanted, heights.height(*item), 1.0),
+                    // items without a level yield to items with one
+                    None => (*top, heights.height(*item), 0.05),
                 })
                 .collect();
             heights.tops[column] = spread(&wanted);
@@ -142,7 +142,7 @@ fn heights(cards: &[Card], wires: &[Wire], layers: &Layers) -> Vec<Vec<f64>> {
 }
 
 impl Heights<'_> {
-    fn of(&self, item: Item) -> f64 {
+    fn height(&self, item: Item) -> f64 {
         match item {
             Item::Component(component) => self.cards[component].height,
             Item::Passage(_) => PASSAGE,
@@ -185,8 +185,8 @@ impl Heights<'_> {
     }
 }
 
-/// Tops as close as possible to those wanted (least squares), in the same order and with gaps between:
-/// isotonic regression by pooling adjacent violators. Each entry is the wanted top, the height and the
+/// Tops as close as possible to the desired ones (least squares), in the same order and with gaps between:
+/// isotonic regression by pooling adjacent violators. Each entry is the desired top, the height and the
 /// weight.
 fn spread(wanted: &[(f64, f64, f64)]) -> Vec<f64> {
     // in coordinates without heights and gaps, the order is all that must hold

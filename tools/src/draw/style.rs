@@ -1,6 +1,6 @@
 //! Colours of the picture: neutral, and readable on light and dark pages alike.
 
-/// The style sheet. Colours follow the viewer's preference; without one they are those for a light page.
+/// The style sheet. Colours follow the viewer's preference, with a light page as the default.
 pub(super) const STYLE: &str = "
 text { font-family: ui-sans-serif, system-ui, 'Segoe UI', Helvetica, Arial, 'DejaVu Sans', sans-serif; fill: #1f2733; }
 .page { fill: #ffffff; stroke: #d5dae1; }

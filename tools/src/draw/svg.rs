@@ -17,11 +17,11 @@ const HEAD: f64 = 9.0;
 /// Radius of the corners of a wire.
 const CORNER: f64 = 9.0;
 
-/// The graph as SVG; with what was measured, if it was run.
+/// The graph as SVG, with measured values if it was run.
 pub(crate) fn svg(plan: &Plan, measured: Option<&Measured>) -> String {
     let wires = wires(plan);
-    let layers = Layers::of(plan, &wires);
-    let placement = Placement::of(plan, &wires, &layers, measured);
+    let layers = Layers::assign(plan, &wires);
+    let placement = Placement::compute(plan, &wires, &layers, measured);
     let (w, h) = (placement.width.ceil(), placement.height.ceil());
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" role=\"img\">\n"

@@ -121,7 +121,7 @@ fn plan(components: Vec<ComponentPlan>, latencies: &[(usize, usize)]) -> Plan {
     }
 }
 
-/// A robot, its sensor, a controller triggered through both, and a policy beside them.
+/// A robot, its sensor, a controller triggered through both, and a separate policy.
 fn control_loop() -> Plan {
     plan(
         vec![
@@ -168,18 +168,18 @@ fn some_graph(seed: u64) -> Plan {
     plan(components, &[])
 }
 
-fn place(plan: &Plan) -> (Vec<Wire>, Layers, Placement) {
+fn placed(plan: &Plan) -> (Vec<Wire>, Layers, Placement) {
     let wires = wires(plan);
-    let layers = Layers::of(plan, &wires);
-    let placement = Placement::of(plan, &wires, &layers, None);
+    let layers = Layers::assign(plan, &wires);
+    let placement = Placement::compute(plan, &wires, &layers, None);
     (wires, layers, placement)
 }
 
 #[test]
 fn control_loop_is_drawn_left_to_right() {
     let plan = control_loop();
-    let (wires, layers, _) = place(&plan);
-    assert_eq!(layers.column_of, [0, 1, 1, 2], "the policy stands beside the sensor, just before its reader");
+    let (wires, layers, _) = placed(&plan);
+    assert_eq!(layers.column_of, [0, 1, 1, 2], "the policy is next to the sensor, just before its reader");
     let back: Vec<usize> =
         (0..wires.len()).filter(|index| layers.back[*index]).map(|i| wires[i].reader).collect();
     assert_eq!(back, [0], "only the command to the robot goes back");
@@ -191,9 +191,9 @@ fn control_loop_is_drawn_left_to_right() {
 fn graph_drawings_never_overlap_or_leave_the_page() {
     for seed in 0..300 {
         let plan = some_graph(seed);
-        let (_, layers, placement) = place(&plan);
+        let (_, layers, placement) = placed(&plan);
         let (width, height) = (placement.width, placement.height);
-        // boxes, and the names of topics beside them
+        // boxes, and the names of topics next to them
         let mut areas: Vec<(String, [f64; 4])> = Vec::new();
         for (index, card) in placement.cards.iter().enumerate() {
             let name = &plan.components[index].name;
@@ -225,7 +225,7 @@ fn graph_drawings_never_overlap_or_leave_the_page() {
 fn a_wire_that_does_not_go_back_goes_to_the_right() {
     for seed in 0..300 {
         let plan = some_graph(seed);
-        let (wires, layers, placement) = place(&plan);
+        let (wires, layers, placement) = placed(&plan);
         for (index, wire) in wires.iter().enumerate() {
             let (start, end) = (placement.start(wire), placement.end(index, wire));
             assert_eq!(placement.lanes[index].is_some(), layers.back[index], "{seed}");

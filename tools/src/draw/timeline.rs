@@ -1,12 +1,12 @@
-//! The axis of a timeline: where its marks are, and what is written there.
+//! The axis of a timeline: positions and labels of its marks.
 
 use super::words;
 
 /// Marks on an axis of at most this many parts.
 const MOST_PARTS: u64 = 8;
 
-/// Distance of the marks on an axis of this length, ns: 1, 2, 2.5 or 5 times a power of ten, so that there
-/// are four to eight of them or so.
+/// Distance of the marks on an axis of this length, ns: 1, 2, 2.5 or 5 times a power of ten, for about four
+/// to eight marks.
 pub(super) fn grain(length_ns: u64) -> u64 {
     let mut power = 1u64;
     loop {
@@ -33,7 +33,7 @@ pub(super) fn mark(ns: u64) -> String {
     if ns == 0 { "0".to_string() } else { words::time(ns) }
 }
 
-/// A share in whole percent; what is not nothing is not shown as nothing.
+/// A share in whole percent; small shares are not rounded to zero.
 pub(super) fn percent(part_ns: u64, whole_ns: u64) -> String {
     let percent = part_ns as f64 * 100.0 / whole_ns.max(1) as f64;
     if part_ns > 0 && percent < 1.0 { "<1 %".to_string() } else { format!("{percent:.0} %") }

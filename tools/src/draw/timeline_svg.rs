@@ -36,7 +36,7 @@ const LANE: f64 = 26.0;
 const BAR: f64 = 16.0;
 /// Width of the time axis.
 const AXIS: f64 = 760.0;
-/// Size of the text beside the bars.
+/// Size of the text next to the bars.
 const TEXT: f64 = 12.5;
 /// Height below the axis: times, legend.
 const BELOW: f64 = 62.0;
@@ -142,7 +142,7 @@ fn draw_lane(svg: &mut String, lane: &Lane, page: &Page, y: f64) {
         let (x, end) = (page.x(segment.start_ns), page.x(segment.end_ns));
         let title =
             format!("{} {does} from {} to {}", lane.component, mark(segment.start_ns), mark(segment.end_ns));
-        // what is shorter than a pixel is still to be seen
+        // bars shorter than a pixel stay visible
         let _ = writeln!(
             svg,
             "<rect class=\"{class}\" x=\"{x:.2}\" y=\"{top:.1}\" width=\"{:.2}\" height=\"{BAR}\">\

@@ -43,7 +43,7 @@ pub(super) fn wires(plan: &Plan) -> Vec<Wire> {
     wires
 }
 
-/// The inputs, as component and port, through which the data of a latency budget goes.
+/// The inputs, as component and port, on the data path of a latency budget.
 fn budgeted(plan: &Plan) -> Vec<(usize, usize)> {
     let mut inputs = Vec::new();
     for latency in &plan.latencies {

@@ -56,7 +56,7 @@ pub(crate) enum Kind {
     Failed,
     /// Wrong usage (exit code 2): an unknown command or option, an option that cannot be read.
     Usage,
-    /// A file that a person wrote is not right, or is missing (exit code 3). Nothing was started.
+    /// An input file is invalid or missing (exit code 3). Nothing was started.
     Invalid,
     /// The run ended in a safe stop (exit code 4).
     SafeStop,
@@ -73,7 +73,7 @@ impl Kind {
     }
 }
 
-/// True if the command line asks for JSON.
+/// True if the command line has `--json`.
 static JSON: OnceLock<bool> = OnceLock::new();
 
 /// Reads from the arguments of the program whether errors are printed as JSON.
@@ -109,18 +109,18 @@ impl Failure {
     }
 
     /// The failure described by an error and its causes.
-    pub(crate) fn of(error: &anyhow::Error) -> Self {
+    pub(crate) fn from_error(error: &anyhow::Error) -> Self {
         Self::caused(message(error), error.chain())
     }
 
-    /// The failure of an error of a library, in words of its own.
+    /// The failure of a library error, with its own message.
     pub(crate) fn of_error(error: &(dyn std::error::Error + 'static)) -> Self {
         Self::caused(error.to_string(), anyhow::Chain::new(error))
     }
 
     fn caused(message: String, causes: anyhow::Chain<'_>) -> Self {
         let mut failure = Self::new(Kind::Failed, message);
-        for origin in causes.map(Origin::of) {
+        for origin in causes.map(Origin::from_error) {
             if origin.invalid {
                 (failure.kind, failure.exit_code) = (Kind::Invalid, Kind::Invalid.code());
             }
@@ -184,7 +184,7 @@ impl Failure {
         self.print_json()
     }
 
-    /// Prints the object if the command line asks for JSON: for failures whose words are printed already.
+    /// Prints the object if the command line has `--json`, for failures whose message is already printed.
     pub(crate) fn print_json(&self) -> ExitCode {
         if JSON.get() == Some(&true)
             && let Ok(object) = serde_json::to_string(self)
@@ -195,7 +195,7 @@ impl Failure {
     }
 }
 
-/// Ends the program as clap does, for a command line that cannot be read or that asks for help.
+/// Ends the program like clap does, for an invalid command line or a request for help.
 pub(crate) fn usage(error: &clap::Error) -> ExitCode {
     let is_answer = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
     let _ = error.print();

@@ -11,7 +11,7 @@ use motorium_robots::{LoadError, MjcfError, ProfileError, UrdfError};
 /// File, place and values of one error in a chain; unknown ones are empty.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Origin {
-    /// True for a mistake in a file that a person wrote.
+    /// True for a mistake in an input file.
     pub invalid: bool,
     pub file: Option<String>,
     pub line: Option<usize>,
@@ -23,7 +23,7 @@ pub(super) struct Origin {
 
 impl Origin {
     /// The facts of an error of a kind known here.
-    pub(super) fn of(error: &(dyn std::error::Error + 'static)) -> Self {
+    pub(super) fn from_error(error: &(dyn std::error::Error + 'static)) -> Self {
         if let Some(error) = error.downcast_ref() {
             Self::of_robot(error)
         } else if let Some(error) = error.downcast_ref::<UrdfError>() {
@@ -143,16 +143,16 @@ impl Origin {
     }
 
     fn of_bench(error: &ReadError) -> Self {
-        let of = |file: &String| Self { invalid: true, ..Self::file(Path::new(file)) };
+        let in_file = |file: &String| Self { invalid: true, ..Self::file(Path::new(file)) };
         match error {
-            ReadError::File { file, .. } => of(file),
+            ReadError::File { file, .. } => in_file(file),
             ReadError::Version { file, found } => Self {
                 found: Some(found.clone()),
                 expected: Some(motorium_benches::latency::VERSION.to_string()),
-                ..of(file)
+                ..in_file(file)
             },
             ReadError::Content { file, error } => {
-                Self { line: Some(error.line()), column: Some(error.column()), ..of(file) }
+                Self { line: Some(error.line()), column: Some(error.column()), ..in_file(file) }
             }
         }
     }

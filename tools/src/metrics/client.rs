@@ -1,4 +1,4 @@
-//! One client of the metrics: its request and its answer, as far as they have come.
+//! One client of the metrics: the received part of its request and the pending answer.
 
 use std::io::{self, Read as _, Write as _};
 use std::net::{Shutdown, TcpStream};
@@ -9,7 +9,7 @@ use rustix::event::PollFlags;
 use super::exposition::{CONTENT_TYPE, Exposition};
 use super::request::{self, LONGEST, Request, Status};
 
-/// Time in which a client must have asked and read its answer.
+/// Time in which a client must send its request and read the answer.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(2);
 
 /// A client that is never waited for.
@@ -49,7 +49,7 @@ impl Client {
         match self.progress(exposition) {
             Ok(turn) => turn,
             Err(error) if error.kind() == io::ErrorKind::WouldBlock => Turn::Waits,
-            // What a client does wrong is its own affair.
+            // Errors of a client affect only that client.
             Err(_) => Turn::Done,
         }
     }

@@ -16,7 +16,7 @@ use crate::runs::LivingRun;
 /// Content type of the text: OpenMetrics 1.0, which Prometheus reads from version 2.5 on.
 pub(super) const CONTENT_TYPE: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
 
-/// The metrics of a run. They are read when they are asked for, and never otherwise.
+/// The metrics of a run, read only on request.
 #[derive(Debug)]
 pub(super) struct Exposition(Registry);
 
@@ -29,7 +29,7 @@ impl Exposition {
         Self(registry)
     }
 
-    /// As they are now.
+    /// The present values.
     pub(super) fn text(&self) -> String {
         let mut text = String::new();
         text::encode(&mut text, &self.0).expect("writing to a string does not fail");
@@ -86,7 +86,7 @@ impl<'a> View<'a> {
             ClockKind::Lockstep => "lockstep",
         };
         families.gauge(
-            &Family::plain("run_clock", "1 for the clock that drives the run."),
+            &Family::unitless("run_clock", "1 for the clock that drives the run."),
             [(vec![("clock", clock)], 1_u64)],
         )?;
         families.gauge(
@@ -94,14 +94,14 @@ impl<'a> View<'a> {
             [(Labels::new(), seconds(self.sample.elapsed_ns))],
         )?;
         families.gauge(
-            &Family::plain("run_safe_stop", "1 while the graph is in its safe state."),
+            &Family::unitless("run_safe_stop", "1 while the graph is in its safe state."),
             [(Labels::new(), u64::from(self.sample.command == Command::SafeStop))],
         )
     }
 
     fn steps(&self, families: &mut Families<'_>) -> fmt::Result {
         families.counter(
-            &Family::plain("component_steps", "Steps done, through restarts."),
+            &Family::unitless("component_steps", "Steps done, through restarts."),
             self.each(|c| c.steps),
         )?;
         let of_steps: [(_, _, _, Durations); 3] = [
@@ -132,7 +132,7 @@ impl<'a> View<'a> {
             )?;
         }
         families.counter(
-            &Family::plain("component_missed_steps", "Steps that missed their time, by cause."),
+            &Family::unitless("component_missed_steps", "Steps that missed their time, by cause."),
             self.split("cause", |c| {
                 [
                     ("late_wake", c.misses.late_wake),
@@ -143,18 +143,18 @@ impl<'a> View<'a> {
             }),
         )?;
         families.counter(
-            &Family::plain("component_skipped_releases", "Releases dropped by the overrun policy."),
+            &Family::unitless("component_skipped_releases", "Releases dropped by the overrun policy."),
             self.each(|c| c.misses.skipped),
         )?;
         families.counter(
-            &Family::plain(
+            &Family::unitless(
                 "component_deferred_releases",
                 "Releases by events that waited for their least interval.",
             ),
             self.each(|c| c.deferred),
         )?;
         families.counter(
-            &Family::plain("component_over_budget_steps", "Steps that took more than the budget."),
+            &Family::unitless("component_over_budget_steps", "Steps that took more than the budget."),
             self.each(|c| c.misses.over_budget),
         )
     }
@@ -162,34 +162,37 @@ impl<'a> View<'a> {
     fn faults(&self, families: &mut Families<'_>) -> fmt::Result {
         let u64_of = |yes: bool| u64::from(yes);
         families.gauge(
-            &Family::plain("component_running", "1 while the component steps."),
+            &Family::unitless("component_running", "1 while the component steps."),
             self.each(|c| u64_of(c.phase == Phase::Running)),
         )?;
         families.gauge(
-            &Family::plain("component_safe_state", "1 while an actuator applies the safe state."),
+            &Family::unitless("component_safe_state", "1 while an actuator applies the safe state."),
             self.each(|c| u64_of(c.safe)),
         )?;
         families.counter(
-            &Family::plain("component_restarts", "How often the component was started again."),
+            &Family::unitless("component_restarts", "How often the component was started again."),
             self.each(|c| c.restarts),
         )?;
         families.counter(
-            &Family::plain("component_errors", "Steps that returned an error and were tolerated."),
+            &Family::unitless("component_errors", "Steps that returned an error and were tolerated."),
             self.each(|c| c.errors),
         )?;
         families.counter(
-            &Family::plain("component_refused_samples", "Samples withheld or refused for their content."),
+            &Family::unitless("component_refused_samples", "Samples withheld or refused for their content."),
             self.each(|c| c.refused),
         )?;
         let counted = self
             .split("code", |c| [("own", c.allocations.map(|a| a.0)), ("foreign", c.allocations.map(|a| a.1))])
             .filter_map(|(labels, count)| Some((labels, count?)));
         families.counter(
-            &Family::plain("component_allocations", "Heap allocations in steps after the first 100."),
+            &Family::unitless("component_allocations", "Heap allocations in steps after the first 100."),
             counted,
         )?;
         families.counter(
-            &Family::plain("component_page_faults", "Page faults of the thread after the first 100 steps."),
+            &Family::unitless(
+                "component_page_faults",
+                "Page faults of the thread after the first 100 steps.",
+            ),
             self.each(|c| c.page_faults),
         )
     }
@@ -204,7 +207,7 @@ impl<'a> View<'a> {
             self.each(|c| seconds(c.stalls.watched_ns)),
         )?;
         families.counter(
-            &Family::plain("component_stalls", "Times the core stood still for over 10 us meanwhile."),
+            &Family::unitless("component_stalls", "Times the core stood still for over 10 us meanwhile."),
             self.each(|c| c.stalls.count),
         )?;
         families.counter(
@@ -256,7 +259,7 @@ impl<'a> View<'a> {
             self.plan.latencies.iter().enumerate().map(|(i, plan)| (chain(i), seconds(plan.max_ns))),
         )?;
         families.counter(
-            &Family::plain("latency_missed", "Latencies above the budget."),
+            &Family::unitless("latency_missed", "Latencies above the budget."),
             latencies().map(|(i, sample)| (chain(i), sample.missed)),
         )?;
         let edges = self.plan.edges();
@@ -273,11 +276,11 @@ impl<'a> View<'a> {
         )?;
         let topics = || self.sample.topics.iter().enumerate();
         families.counter(
-            &Family::plain("topic_published", "Samples published."),
+            &Family::unitless("topic_published", "Samples published."),
             topics().map(|(i, sample)| (vec![("topic", topic(i))], sample.published)),
         )?;
         families.counter(
-            &Family::plain("topic_dropped", "Samples that readers of a stream lost."),
+            &Family::unitless("topic_dropped", "Samples that readers of a stream lost."),
             topics().map(|(i, sample)| (vec![("topic", topic(i))], sample.dropped)),
         )
     }

@@ -28,7 +28,7 @@ pub(super) struct Family {
 }
 
 impl Family {
-    pub(super) fn plain(name: &'static str, help: &'static str) -> Self {
+    pub(super) fn unitless(name: &'static str, help: &'static str) -> Self {
         Self { name, unit: None, help }
     }
 
@@ -56,7 +56,7 @@ impl Families<'_> {
         Ok(())
     }
 
-    /// Adds a gauge, which goes up and down.
+    /// Adds a gauge, which may rise and fall.
     pub(super) fn gauge<'l, N: EncodeGaugeValue>(
         &mut self,
         family: &Family,
@@ -98,7 +98,7 @@ pub(super) fn seconds(ns: u64) -> f64 {
 static BOUNDS: LazyLock<Vec<u64>> =
     LazyLock::new(|| (8..=30).flat_map(|bits| [(1_u64 << bits) - 1, (3_u64 << (bits - 1)) - 1]).collect());
 
-/// Bounds in seconds, and how many values lie between each and the one before it.
+/// Bounds in seconds, and the number of values between each and the previous one.
 fn buckets(snapshot: &Snapshot) -> Vec<(f64, u64)> {
     let mut rest = snapshot.buckets().iter().copied().peekable();
     let mut below = |bound: u64| {

@@ -90,7 +90,7 @@ impl Sample {
             now_ns: run.now_ns(),
             elapsed_ns: if started { run.now_ns().saturating_sub(start) } else { 0 },
             command: region.header().command(),
-            components: region.components().iter().map(ComponentSample::of).collect(),
+            components: region.components().iter().map(ComponentSample::from_block).collect(),
             latencies: region
                 .latencies()
                 .iter()
@@ -108,7 +108,7 @@ impl Sample {
 }
 
 impl ComponentSample {
-    fn of(block: &ComponentBlock) -> Self {
+    fn from_block(block: &ComponentBlock) -> Self {
         let (phase, pid) = (block.phase(), block.pid.load(Relaxed));
         let ended = matches!(phase, Phase::Stopped | Phase::Faulted);
         let usage = if ended { None } else { Usage::read(pid, block.thread.load(Relaxed)) };
@@ -139,7 +139,7 @@ impl ComponentSample {
     }
 }
 
-/// A run that no process drives: its numbers are those that a test writes.
+/// A run without processes, whose numbers a test writes.
 #[cfg(test)]
 pub(crate) mod fixture {
     use std::path::Path;

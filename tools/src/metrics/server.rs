@@ -55,7 +55,7 @@ impl Server {
         Ok(self.serve(LivingRun { folder, plan: plan.clone(), region })?)
     }
 
-    /// Serves the metrics of a run until the process ends, from a thread of its own on the shared cores.
+    /// Serves the metrics of a run until the process ends, on a separate thread on the shared cores.
     pub(crate) fn serve(self, run: LivingRun) -> io::Result<()> {
         self.listener.set_nonblocking(true)?;
         let thread = std::thread::Builder::new().name("metrics".to_string());
@@ -68,7 +68,7 @@ impl Server {
     }
 }
 
-/// Clients that are served at a time; one more replaces the one that has waited for longest.
+/// Clients served at a time; a further one replaces the longest-waiting one.
 const MOST: usize = 64;
 /// Pause after a client could not be accepted: out of file descriptors, as a rule.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -91,12 +91,12 @@ fn serve_all(listener: &TcpListener, exposition: &Exposition) {
                 Err(_) => std::thread::sleep(PAUSE),
             }
         }
-        // One that was just accepted may have asked already.
+        // A client just accepted may have sent its request already.
         clients.retain_mut(|client| client.turn(exposition) == Turn::Waits && now < client.end);
     }
 }
 
-/// Waits until a client can be accepted (first) or one of those that are served can go on.
+/// Waits until a client can be accepted (first) or a served one can continue.
 fn await_any(listener: &TcpListener, clients: &[Client]) -> Vec<bool> {
     let mut polled = vec![PollFd::new(listener, PollFlags::IN)];
     polled.extend(clients.iter().map(|client| PollFd::new(&client.stream, client.awaits())));

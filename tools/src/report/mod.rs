@@ -64,11 +64,7 @@ fn counters(report: &Report, text: &mut String) {
             counted(c.misses.skipped, "step skipped", "steps skipped"),
             counted(u64::from(c.restarts), "restart", "restarts"),
             counted(c.allocations.unwrap_or(0), "allocation", "allocations"),
-            counted(
-                c.allocations_apart.unwrap_or(0),
-                "allocation that is known of",
-                "allocations that are known of",
-            ),
+            counted(c.allocations_apart.unwrap_or(0), "known allocation", "allocations that are known of"),
             counted(c.page_faults, "page fault", "page faults"),
             c.allocations.is_none().then(|| "allocations not counted".to_string()),
         ];
@@ -109,12 +105,12 @@ pub(crate) fn summary(report: &Report) -> String {
     counters(report, &mut text);
     missed_steps(report, &mut text);
     for c in &report.components {
-        if let Some(words) = c.gate.as_ref().and_then(gate::words) {
+        if let Some(words) = c.gate.as_ref().and_then(gate::describe) {
             let _ = writeln!(text, "{}: {words}", c.name);
         }
     }
     interrupted(report, &mut text);
-    // a lockstep run has no latency: simulated time stands still while components step
+    // a lockstep run has no latency: simulated time does not advance while components step
     for latency in report.latencies.iter().filter(|_| realtime) {
         let _ = writeln!(
             text,
@@ -138,8 +134,8 @@ pub(crate) fn summary(report: &Report) -> String {
     wrapped(&text, WIDTH)
 }
 
-/// The table of components, of at most [`WIDTH`] columns: where their times do not fit beside their steps,
-/// two tables.
+/// The table of components, of at most [`WIDTH`] columns; two tables if the times do not fit next to the
+/// steps.
 fn components(report: &Report, realtime: bool) -> String {
     type Cell = fn(&ComponentReport) -> String;
     const STEPS: (&str, Cell) = ("steps", |c| c.steps.to_string());

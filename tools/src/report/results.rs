@@ -48,7 +48,7 @@ pub(super) fn lines(heading: usize, result: &Value) -> String {
     text
 }
 
-/// The key of warnings, each of which stands on lines of its own.
+/// The key of warnings, which are printed on separate lines.
 const WARNINGS: &str = "warnings";
 
 fn warnings(result: &Value) -> impl Iterator<Item = &str> {

@@ -1,4 +1,4 @@
-//! Which of several runs is meant.
+//! Choice among several runs.
 
 use motorium::nearest::{nearest, suggest};
 

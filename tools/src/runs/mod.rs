@@ -68,8 +68,8 @@ pub(crate) fn newest(run: Option<&str>) -> anyhow::Result<RunFolder> {
     Ok(folders.swap_remove(chosen))
 }
 
-/// The run that is meant: the only one alive, or the one that `run` names by its id, the beginning of its id,
-/// or the name of its graph.
+/// The selected run: the only live one, or the one named by `run`: its id, a prefix of its id, or the name of
+/// its graph.
 fn pick(run: Option<&str>) -> anyhow::Result<RunFolder> {
     let (mut folders, candidates) = all();
     let chosen = choose::choose(run, &candidates)?;

@@ -25,7 +25,7 @@ pub(super) struct Trace<'a> {
     pub(super) lost: &'a [u64],
 }
 
-/// Numbers of what was written.
+/// Numbers of written events.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Counts {
     pub(super) steps: usize,

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use motorium::plan::Plan;
 use motorium::region::TraceEvent;
 
-/// A step with what was published and read in it.
+/// A step with its publications and first reads.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Step {
     pub(super) number: u64,
@@ -33,7 +33,7 @@ struct Read {
     publish_ns: u64,
 }
 
-/// A sample on its way from the step that published it to the one that read it first.
+/// A sample between the step that published it and the step that first read it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct HandOver {
     pub(super) topic: usize,

@@ -22,8 +22,8 @@ use crate::out::errln;
 use crate::style;
 use chrome::Trace;
 
-/// Events of a component that its ring keeps: some twenty times what a component at 8 kHz writes between two
-/// looks.
+/// Capacity of a component's ring in events: about twenty times the events of a component at 8 kHz between
+/// two polls.
 const EVENTS: usize = 1 << 14;
 /// Time between two looks at the rings.
 const LOOK: Duration = Duration::from_millis(10);

@@ -20,8 +20,8 @@ use serde::Deserialize;
 /// `serde_path_to_error`, which names the key of a configuration that cannot be read: all are read in one way
 /// since, where other ways were nearly a third of the code of `motorium-sensors`; and a crate of the project,
 /// the algebra that models and the motion library share; and `ruzstd` and `lz4_flex`, which unpack the chunks
-/// of recordings by other programs. `toml` and `signal-hook` are those of iceoryx2 and of the screen, and in
-/// the tree once.
+/// of recordings by other programs. `toml` and `signal-hook` are in the tree once, shared with
+/// iceoryx2 and the screen.
 ///
 /// What goes with each subtree, where all others stay: iceoryx2 32, `mcap` and `foxglove` 26, `ratatui` 25,
 /// serde, its formats and schemas 18, the crates of the project 17, `parry3d` and `rapier3d` 15, clap 14,

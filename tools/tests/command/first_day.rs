@@ -3,8 +3,8 @@
 //! In graphs: a goal out of reach, a start out of limits, a wrong frame, no unit and a wrong one, numbers of
 //! another type and count, degrees, keys that are misspelt or missing. On the command line: a wrong option, a
 //! time without a unit; others are in `typed.rs`. In robots: missing meshes, xacro, nothing to collide with,
-//! settings that do not fit. In other files: a recording without a time, a number that is none, and one kind
-//! of file in place of another. A goal out of reach that is tried all the same is in `expect.rs`.
+//! settings that do not fit. In other files: a recording without a time, an invalid number, and one kind of
+//! file in place of another. `expect.rs` has a goal out of reach that is tried anyway.
 
 use std::path::Path;
 

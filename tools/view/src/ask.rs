@@ -148,8 +148,8 @@ impl Handler for Play {
         };
         let mut player = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let speed = asked.speed.unwrap_or(player.speed());
-        let seek_ns = asked.place_s.map(|place_s| player.at(place_s));
+        let seek_ns = asked.place_s.map(|place_s| player.time_at(place_s));
         player.set(asked.plays, speed, seek_ns);
-        responder.respond_ok(player.told().to_string());
+        responder.respond_ok(player.position_json().to_string());
     }
 }

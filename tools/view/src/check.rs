@@ -145,7 +145,7 @@ fn name(robot: &Json) -> &str {
 /// Positions of joints by the number of their sample.
 type Seen = Arc<Mutex<BTreeMap<u64, Vec<f64>>>>;
 
-/// Compares joint positions on the page with those in the shared memory of the run, sample by sample.
+/// Compares joint positions on the page with the run's shared memory, sample by sample.
 fn compare(browser: &mut Browser, state: &Json, over: &AtomicBool) -> anyhow::Result<()> {
     let run = state["run"]["run"].as_str().context("the page shows no run")?;
     let folder = RunFolder::find(run).with_context(|| format!("run {run} is over"))?;
@@ -205,7 +205,7 @@ fn compare(browser: &mut Browser, state: &Json, over: &AtomicBool) -> anyhow::Re
     Ok(())
 }
 
-/// Reads all samples of a topic in a thread, by a tap of its own.
+/// Reads all samples of a topic in a thread, by a separate tap.
 fn read(
     folder: RunFolder,
     topic: TopicPlan,

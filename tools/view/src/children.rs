@@ -30,7 +30,7 @@ pub(crate) enum NeverSeen {
 }
 
 impl NeverSeen {
-    pub(crate) fn of(status: ExitStatus) -> Self {
+    pub(crate) fn from_status(status: ExitStatus) -> Self {
         match status.code().map(u8::try_from) {
             Some(Ok(0)) => Self::Over,
             Some(Ok(code)) => Self::Failed(code),
@@ -90,7 +90,7 @@ impl Drop for Started {
     }
 }
 
-/// Asks a process to end in good order.
+/// Requests the orderly end of a process.
 fn interrupt(pid: u32) {
     if let Some(pid) = i32::try_from(pid).ok().and_then(Pid::from_raw) {
         // The process may just have ended.
@@ -106,7 +106,7 @@ pub(crate) struct Times {
 }
 
 impl Times {
-    pub(crate) fn of(motorium: &Path, run: &str) -> anyhow::Result<Self> {
+    pub(crate) fn follow(motorium: &Path, run: &str) -> anyhow::Result<Self> {
         let mut child = Command::new(motorium)
             .args(["top", "--json", "--interval", "500ms", "--run", run])
             .stdin(Stdio::null())

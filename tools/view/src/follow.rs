@@ -144,7 +144,7 @@ impl Follower {
         if let Some(status) = self.started.as_mut().and_then(Started::ended) {
             self.started = None;
             if self.graph.is_none() {
-                bail!(NeverSeen::of(status));
+                bail!(NeverSeen::from_status(status));
             }
             eprintln!("the run is over; the page starts it again, Ctrl-C ends the viewer");
             self.tell_run();
@@ -239,7 +239,7 @@ impl Follower {
                     self.times_channel.log(line.as_bytes());
                 }
             }
-            None => self.times = Times::of(&self.motorium, joined.folder.id()).ok(),
+            None => self.times = Times::follow(&self.motorium, joined.folder.id()).ok(),
         }
     }
 

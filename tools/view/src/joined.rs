@@ -112,14 +112,14 @@ impl Joined {
         }
     }
 
-    /// Sends the message of a topic that never changes to one that has subscribed to it.
+    /// Sends the message of a constant topic to a new subscriber.
     pub(crate) fn send_latched(&self, topic: &str, sink: Option<SinkId>) {
         self.channels.send_latched(topic, sink);
     }
 }
 
 impl Topic {
-    /// Sends what was published since the last call: of a state the newest value, from where it is.
+    /// Sends the publications since the last call: the newest value of a state, in place.
     fn send(&mut self, index: usize, offset_ns: u64, channels: &mut Channels) {
         let mut send = |stamp: &Stamp, bytes: &[u8]| {
             channels.send(index, stamp, bytes, stamp.publish_time.saturating_add(offset_ns));

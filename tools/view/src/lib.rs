@@ -9,7 +9,7 @@
 //! |---|---|
 //! | `request` | the order of `motorium view` |
 //! | `front` | the port: files of the page, WebSockets |
-//! | `server`, `ask`, `rights`, `assets` | the server of the protocol: channels, services, parameters, files; the token |
+//! | `server`, `ask`, `rights`, `assets` | protocol server: channels, services, parameters, files, token |
 //! | `follow`, `joined`, `parameters` | the run: finding it, reading it |
 //! | `playback` | a recording in place of a run |
 //! | `channels`, `graph`, `world` | the description of a graph and its topics |
@@ -49,7 +49,7 @@ pub use request::{Request, SERVE};
 /// The whole program.
 pub fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().collect();
-    // `motorium` asks each program of its family for its version and its kinds: this one has none.
+    // `motorium` queries each sibling program for its version and its kinds; this one has no kinds.
     if let Some(Program::Kinds) = Program::from_arguments(&arguments) {
         return list(&[]);
     }
@@ -75,7 +75,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-/// Serves a run, and checks the page if that was asked for.
+/// Serves a run, and checks the page on request.
 fn serve(request: Request) -> anyhow::Result<ExitCode> {
     anyhow::ensure!(
         request.rate_hz.is_finite() && (1.0..=1000.0).contains(&request.rate_hz),

@@ -13,7 +13,7 @@ pub(crate) fn all(table: &ParameterTable) -> Vec<Parameter> {
     shown.collect()
 }
 
-/// A parameter as it is shown.
+/// A parameter as displayed.
 pub(crate) fn shown(name: String, value: &ParameterValue) -> Parameter {
     match value {
         ParameterValue::Boolean(value) => Parameter::bool(name, *value),

@@ -16,9 +16,9 @@ use crate::{exit, registry, report, style};
 
 /// Kill, stop and hang the processes of running graphs, and measure the consequences.
 ///
-/// Starts the graph as `motorium run` does, with restarts allowed, and hits its processes by signals:
-/// components, launcher, guard, and a `topic echo` that looks on. Prints how long the robot took to its safe
-/// state and the component to come back. Exit code 1 if anything hung, was left behind, or was unsafe.
+/// Starts the graph as `motorium run` does, with restarts allowed, and sends signals to its processes:
+/// components, launcher, guard, and an observing `topic echo`. Prints the times to the safe state and to the
+/// return of the component. Exit code 1 after a hang, a leftover, or an unsafe state.
 ///
 /// Example: motorium bench kill --count 100 --victim controller --fault hang
 #[derive(Debug, clap::Args)]
@@ -73,7 +73,10 @@ impl Kill {
         for name in wanted {
             let victim = Victim::named(&name, &components);
             let known = || {
-                format!("there is no `{name}`: name {}, launcher, guard or observer", components.join(", "))
+                format!(
+                    "unknown process `{name}`, expected {}, launcher, guard or observer",
+                    components.join(", ")
+                )
             };
             victims.push(victim.with_context(known)?);
         }

@@ -23,8 +23,8 @@ const FIFO: u8 = 80;
 
 /// Floors of the machine, motorium and peers side by side.
 ///
-/// Measures in one run the floors of this machine (a cache line, a futex, a timer) and motorium beside them,
-/// and reports which targets are met. No sample is dropped: the maximum is the longest of all.
+/// Measures in one run the floors of this machine (a cache line, a futex, a timer) and motorium, and reports
+/// which targets are met. No sample is dropped: the maximum is the longest of all.
 ///
 /// Example: motorium bench latency --output bench.json --plot bench.svg
 #[derive(Debug, clap::Args)]
@@ -48,11 +48,11 @@ pub(crate) struct Latency {
     /// Duration of each graph, s: 1000 samples of a chain or of the Panda loop in each second
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u32).range(1..=3_600))]
     seconds: Option<u32>,
-    /// The tool that loads the machine for measurements under load; the first that is installed if not given
+    /// The tool that loads the machine for measurements under load [default: the first that is installed]
     #[arg(long, value_name = "TOOL", value_parser = ["stress-ng", "hackbench", "own"])]
     load: Option<String>,
-    /// Fewer and shorter measurements, in well under a minute: those for the targets of hops, releases and
-    /// the chain of 4
+    /// Fewer and shorter measurements, in well under a minute: only for the targets of hops, releases and the
+    /// chain of 4
     #[arg(long)]
     quick: bool,
     /// Measure other systems too, as far as they are installed (see benches/peers)
@@ -67,7 +67,8 @@ impl Latency {
     /// The generator of load.
     fn loader(&self) -> anyhow::Result<Loader> {
         let Some(name) = &self.load else { return Ok(Loader::detect()) };
-        Loader::named(name).with_context(|| format!("{name} is not installed; `--load own` is always there"))
+        Loader::named(name)
+            .with_context(|| format!("{name} is not installed; `--load own` is always available"))
     }
 
     pub(crate) fn run(self) -> anyhow::Result<ExitCode> {

@@ -83,7 +83,7 @@ pub(super) fn measure(core: usize, mut report: impl FnMut(Result<Measurement, Sk
             }
             Err(error) => Err(Skipped {
                 name: "peers".to_string(),
-                reason: format!("{SCRIPT} said what is not understood: {error}"),
+                reason: format!("{SCRIPT} printed an unknown format: {error}"),
             }),
         });
     }

@@ -146,7 +146,7 @@ fn ratio(ours: &Distribution, floor: &Distribution, share: f64) -> f64 {
 fn pair(bench: &Bench<'_>, bound: &Bound) -> Result<[Measurement; 2], MeasureError> {
     let case = |name: &str| -> Result<Case, MeasureError> {
         let case = catalogue().into_iter().find(|case| case.name == name);
-        case.ok_or_else(|| MeasureError::Ended(format!("there is no case `{name}`")))
+        case.ok_or_else(|| MeasureError::Ended(format!("unknown case `{name}`")))
     };
     let floor = bench.measure(&case(bound.to)?)?;
     Ok([bench.measure(&case(bound.of)?)?, floor])

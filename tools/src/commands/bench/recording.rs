@@ -21,13 +21,13 @@ use crate::out::{errln, outln};
 use crate::runs::RunArg;
 use crate::{registry, report};
 
-/// Run a graph with a recorder of all topics and without, in turns, and compare its times.
+/// Run a graph alternately with and without a recorder of all topics, and compare its times.
 ///
-/// Each turn is a run without and one with `--record`, in real time. With `--view` that one is looked at,
-/// too: by `motorium view` with a client that has subscribed to every channel. Prints, of each latency of the
-/// graph and of the execution time of each component, the medians of the turns and the ratio with / without,
-/// with the least and the greatest ratio of any turn: where these lie on both sides of 1, the recorder's cost
-/// is below the noise. Run it on a machine that does nothing else.
+/// Each turn is a run without and one with `--record`, in real time. With `--view` a client of `motorium
+/// view` also subscribes to every channel of the recorded run. Prints, of each latency of the graph and of
+/// the execution time of each component, the medians of the turns and the ratio with / without, with the
+/// least and the greatest ratio of any turn: if they are on both sides of 1, the recorder's cost is below the
+/// noise. Run it on an idle machine.
 ///
 /// Example: motorium bench recording graphs/panda-reach.toml --turns 9
 #[derive(Debug, clap::Args)]
@@ -41,7 +41,7 @@ pub(crate) struct Recording {
     /// Duration of each run
     #[arg(long = "for", value_name = "TIME", default_value = "4 s", allow_hyphen_values = true)]
     duration: TimeSpan,
-    /// Also look at the runs that are recorded, at everything, through `motorium view`
+    /// Also view all channels of the recorded runs through `motorium view`
     #[arg(long)]
     view: bool,
     /// Print all of it as JSON
@@ -117,7 +117,7 @@ impl Recording {
         let name = self.graph.display();
         anyhow::ensure!(
             plans[0].clock == ClockKind::Realtime,
-            "{name} has the clock \"lockstep\", in which no time is measured: choose a graph with `clock = \"realtime\"`"
+            "{name} has the clock \"lockstep\", which measures no times: choose a graph with `clock = \"realtime\"`"
         );
         let (mut rows, mut cost): (Vec<Row>, Cost) = (Vec::new(), Cost::default());
         for turn in 0..self.turns {

@@ -69,7 +69,7 @@ impl Floor {
         let besides: Vec<Beside> = besides
             .filter(|(_, (_, measured))| measured.steps > 0)
             .map(|(index, (_, measured))| Beside {
-                release: Released::of(plan, index),
+                release: Released::classify(plan, index),
                 ns: [
                     measured.cpu_ns.p50.saturating_sub(measured.execution_ns.p50),
                     measured.cpu_ns.p99.saturating_sub(measured.execution_ns.p99),
@@ -98,7 +98,7 @@ enum Released {
 }
 
 impl Released {
-    fn of(plan: &Plan, component: usize) -> Self {
+    fn classify(plan: &Plan, component: usize) -> Self {
         match plan.components[component].activation {
             // the kernel wakes both, and both pay for it
             Activation::Periodic { .. } | Activation::Descriptor { .. } => Self::Clock,

@@ -10,11 +10,10 @@ use motorium_can::Attached;
 use super::{interrupted, refused};
 use crate::out::outln;
 
-/// Make an adapter with slcan on a serial line an interface of the kernel, until Ctrl-C.
+/// Make an slcan adapter on a serial line a kernel interface, until Ctrl-C.
 ///
-/// The adapter gets the bitrate, the driver of the kernel is put on the line, and the interface is brought
-/// up. Its name is printed. That needs the right to administer the network (`sudo`), and the driver: `sudo
-/// modprobe slcan`.
+/// Sets the bitrate of the adapter, attaches the kernel driver to the line, brings the interface up, and
+/// prints its name. Needs network administration rights (`sudo`), and the driver: `sudo modprobe slcan`.
 ///
 /// Example: motorium can attach /dev/ttyACM0
 #[derive(Debug, clap::Args)]

@@ -16,19 +16,18 @@ use crate::{registry, robots};
 
 /// Measure the offsets of the drives of a graph, while the robot is held in a pose of its profile.
 ///
-/// No drive is enabled. If another program commands a drive, the command stops. Drives that tell their
-/// settings are compared with the table first. It prints what to write into the drive table, and changes no
-/// file.
+/// No drive is enabled. If another program commands a drive, the command stops. Readable drive settings are
+/// compared with the table first. Prints the entries for the drive table, and changes no file.
 ///
 /// Example: motorium can calibrate graphs/arm-can.toml --pose ready
 #[derive(Debug, clap::Args)]
 pub(super) struct Calibrate {
     #[command(flatten)]
     graph: GraphArgs,
-    /// The pose in which the robot is held: one of its profile, or of its SRDF
+    /// The pose in which the robot is held, from its profile or SRDF
     #[arg(long, value_name = "NAME")]
     pose: String,
-    /// The adapter of the graph, where it has several
+    /// The adapter, for a graph with several
     #[arg(long, value_name = "COMPONENT")]
     adapter: Option<String>,
     /// Duration of measuring
@@ -89,7 +88,7 @@ impl Calibrate {
             (None, _) if names.is_empty() => {
                 anyhow::bail!("the graph has no component of the kind `can.adapter`")
             }
-            (None, _) => anyhow::bail!("no such adapter; there is {}", names.join(", ")),
+            (None, _) => anyhow::bail!("unknown adapter, expected {}", names.join(", ")),
         }
     }
 }

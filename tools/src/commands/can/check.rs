@@ -12,10 +12,9 @@ use crate::failure::{Failure, Kind};
 use crate::out::{out, outln};
 use crate::registry;
 
-/// Check what the adapters of a graph put on their CAN buses: bits with the most stuffing, turn-round, share
-/// of the cycle.
+/// Check the load of a graph's CAN buses: bits with maximum stuffing, turn-round, share of the cycle.
 ///
-/// The exit code is 3 if the graph is not right, such as when the frames of a cycle do not fit.
+/// The exit code is 3 if the graph is invalid, such as when the frames of a cycle do not fit.
 ///
 /// Example: motorium can check graphs/arm-can.toml --json
 #[derive(Debug, clap::Args)]

@@ -16,11 +16,11 @@ use super::{interrupted, refused};
 use crate::exit;
 use crate::out::{errln, outln};
 
-/// Print what goes over CAN buses, in the format of `candump -L`, or keep it in a file.
+/// Print the frames of CAN buses, in the format of `candump -L`, or write them to a file.
 ///
-/// Reports of controllers are kept as error frames, as candump does. With `--dbc` each line that is printed
-/// ends in the words of the database, behind `::`. The exit code is 1 if nothing was received, and 3 if a
-/// line of the log, or the database, is none.
+/// Controller reports are written as error frames, as by candump. With `--dbc` each printed line ends in the
+/// decoded signals, after `::`. The exit code is 1 if nothing was received, and 3 if a line of the log or the
+/// database is invalid.
 ///
 /// Example: motorium can log can0 can1 --for 10s --output ride.log
 #[derive(Debug, clap::Args)]
@@ -28,16 +28,16 @@ pub(super) struct Log {
     /// The interfaces, such as `can0`, or `unix:NAME` of a simulated bus
     #[arg(required_unless_present = "read")]
     interfaces: Vec<String>,
-    /// Print a log that was kept instead; `-` for standard input
+    /// Print an existing log instead; `-` for standard input
     #[arg(long, value_name = "FILE", conflicts_with_all = ["interfaces", "time", "output"])]
     read: Option<PathBuf>,
-    /// Duration; until Ctrl-C if not given
+    /// Duration [default: until Ctrl-C]
     #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     time: Option<TimeSpan>,
-    /// End after so many frames
+    /// End after this number of frames
     #[arg(long, value_name = "N")]
     count: Option<u64>,
-    /// File to write to; standard output if not given
+    /// File to write to [default: standard output]
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
     #[command(flatten)]

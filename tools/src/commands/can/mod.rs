@@ -18,7 +18,7 @@ use std::sync::atomic::AtomicBool;
 use anyhow::Context as _;
 use motorium_can::OpenError;
 
-/// See what is on CAN buses, send frames, keep logs, and check what fits on them.
+/// Scan and monitor CAN buses, send frames, write logs, and check the bus load.
 ///
 /// Example: motorium can scan can0
 #[derive(Debug, clap::Args)]

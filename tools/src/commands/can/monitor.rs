@@ -15,18 +15,18 @@ use crate::out::{out, outln};
 use crate::report::table;
 use crate::screen::is_drawable;
 
-/// Show what goes over CAN buses: frames, rates, ages and errors, by identifier.
+/// Show the traffic of CAN buses: frames, rates, ages and errors, by identifier.
 ///
 /// On a terminal the table is redrawn in place; elsewhere it is printed once each interval. With `--dbc` the
-/// newest frame of each identifier is put into the words of the database.
+/// newest frame of each identifier is decoded.
 ///
 /// Example: motorium can monitor can0 --bitrate 1000000
 #[derive(Debug, clap::Args)]
 pub(super) struct Monitor {
-    /// The interfaces, such as `can0`, or `unix:NAME` of a simulated bus; all of the kernel that are up if
-    /// not given
+    /// The interfaces, such as `can0`, or `unix:NAME` of a simulated bus [default: the kernel's interfaces
+    /// that are up]
     interfaces: Vec<String>,
-    /// Bits per second, from which the load follows; as the interface has it if not given
+    /// Bits per second, for the load [default: the interface's]
     #[arg(long, value_name = "BITS")]
     bitrate: Option<u32>,
     /// Bits per second of the data of CAN FD frames
@@ -35,7 +35,7 @@ pub(super) struct Monitor {
     /// Time between two tables
     #[arg(long, value_name = "TIME", default_value = "1s", allow_hyphen_values = true)]
     interval: TimeSpan,
-    /// Duration; until Ctrl-C if not given
+    /// Duration [default: until Ctrl-C]
     #[arg(long = "for", value_name = "TIME", allow_hyphen_values = true)]
     time: Option<TimeSpan>,
     /// Print each table as a line of JSON

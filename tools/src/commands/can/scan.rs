@@ -14,18 +14,15 @@ use crate::report::table;
 
 /// List the CAN interfaces of this computer, or the devices on one of them.
 ///
-/// Without an interface it lists those that there are. With one it reads the registers of Damiao drives 1 to
-/// 15, which changes nothing, and listens for the heartbeats of ODrives and CANopen nodes. It never enables a
-/// drive.
+/// Without an interface it lists them. With one it reads the registers of Damiao drives 1 to 15, which
+/// changes nothing, and listens for the heartbeats of ODrives and CANopen nodes. It never enables a drive.
 ///
-/// With `--fd` it reads the registers of moteus 1 to 126 as well, by frames of CAN FD. A node that knows
-/// classic frames only disturbs those until the interface leaves the bus: use it only where every node knows
-/// CAN FD, and while no robot runs on the bus. None is sent if a classic frame or an error was received
-/// before, and no more after the first error.
+/// With `--fd` it reads the registers of moteus 1 to 126 as well, by frames of CAN FD. A classic-only node
+/// disturbs them until the interface is bus-off: use it only if every node supports CAN FD, and while no
+/// robot runs on the bus. None is sent after a classic frame or an error, and no more after the first error.
 ///
 /// A path is a serial line. An slcan adapter is detected by its version, and its bus is scanned with
-/// `--bitrate`. On any other line servos are looked for at several speeds, by asking each number whether it
-/// is there.
+/// `--bitrate`. On any other line servos are searched at several speeds, by polling each number.
 ///
 /// The exit code is 1 if there is no interface, or no device on the one that is named.
 ///
@@ -34,20 +31,20 @@ use crate::report::table;
 pub(super) struct Scan {
     /// The interface, such as `can0` or `/dev/ttyACM0`; default: list the kernel's
     interface: Option<String>,
-    /// Bits per second of the bus behind an adapter with slcan; 1000000 if not given
+    /// Bits per second of the bus of an slcan adapter [default: 1000000]
     #[arg(long, value_name = "BITS", requires = "interface")]
     bitrate: Option<u32>,
     /// Bits per second of the data of CAN FD frames behind such an adapter
     #[arg(long, value_name = "BITS", requires = "interface")]
     data_bitrate: Option<u32>,
-    /// Look for drives that speak CAN FD as well, on a bus whose nodes all do; behind an adapter with slcan
-    /// with `--data-bitrate`
+    /// Also search for CAN FD drives, on a bus whose nodes all support it; with an slcan adapter also set
+    /// `--data-bitrate`
     #[arg(long, requires = "interface")]
     fd: bool,
-    /// Speeds at which servos are looked for on a serial line, bit/s; all that are usual if not given
+    /// Speeds for the search of servos on a serial line, bit/s [default: all usual ones]
     #[arg(long, value_delimiter = ',', requires = "interface")]
     speed: Vec<u32>,
-    /// Duration of listening to a CAN bus; 1 s if not given
+    /// Duration of listening to a CAN bus [default: 1 s]
     #[arg(long = "for", value_name = "TIME", requires = "interface", allow_hyphen_values = true)]
     time: Option<TimeSpan>,
     /// Print JSON
@@ -212,7 +209,7 @@ fn others(found: &Found) -> Vec<Value> {
 fn describe(name: &str, bus: &RealBus, found: &Found) -> String {
     let mut text = String::new();
     for device in &found.devices {
-        text += &format!("node {:>3}  {}\n", device.node, words(&device.kind));
+        text += &format!("node {:>3}  {}\n", device.node, describe(&device.kind));
     }
     if found.devices.is_empty() {
         let counts = bus.counts();
@@ -240,7 +237,7 @@ fn describe(name: &str, bus: &RealBus, found: &Found) -> String {
 }
 
 /// A device in words.
-fn words(kind: &DeviceKind) -> String {
+fn describe(kind: &DeviceKind) -> String {
     match kind {
         DeviceKind::Damiao { master, watchdog_ns, ranges } => {
             let watchdog = match watchdog_ns {
@@ -278,7 +275,11 @@ mod tests {
     #[test]
     fn disabled_watchdog_differs_from_unreported_one() {
         let of = |watchdog_ns| {
-            words(&DeviceKind::Damiao { master: 0x11, watchdog_ns, ranges: [Some(12.5), None, Some(10.0)] })
+            describe(&DeviceKind::Damiao {
+                master: 0x11,
+                watchdog_ns,
+                ranges: [Some(12.5), None, Some(10.0)],
+            })
         };
         assert_eq!(of(Some(0)), "damiao   answers as 0x011, watchdog off, 12.5 rad, ? rad/s, 10 N m");
         assert!(

@@ -17,8 +17,7 @@ use crate::out::errln;
 /// Send frames onto a CAN bus, or play a log.
 ///
 /// A frame is written as candump does: `123#0102`, `123##10102` (CAN FD), `00000123#01` (29 bits), `123#R`
-/// (remote). A log is played with its pauses. A drive that is enabled obeys every frame that is for it: mind
-/// the robot.
+/// (remote). A log is played with its pauses. Enabled drives obey frames addressed to them: mind the robot.
 ///
 /// The exit code is 3 if a frame or a line of the log is invalid.
 ///
@@ -33,7 +32,7 @@ pub(super) struct Send {
     /// A log in the format of `candump -L` to play instead; `-` for standard input
     #[arg(long, value_name = "FILE", conflicts_with = "frames")]
     log: Option<PathBuf>,
-    /// Send them all once more after this time, until Ctrl-C or as often as `--count` says
+    /// Repeat all frames after this time, `--count` times or until Ctrl-C
     #[arg(long, value_name = "TIME", conflicts_with = "log", allow_hyphen_values = true)]
     every: Option<TimeSpan>,
     /// Number of times

@@ -38,7 +38,7 @@ pub(super) fn scan(path: &str, speeds: &[u32], json: bool) -> anyhow::Result<Exi
             serde_json::to_string_pretty(&json!({ "interface": path, "speeds": speeds, "servos": servos }))?
         );
     } else {
-        found.iter().for_each(|(speed, servo)| outln!("{}", words(*speed, servo)));
+        found.iter().for_each(|(speed, servo)| outln!("{}", describe(*speed, servo)));
         if found.is_empty() {
             let speeds: Vec<String> = speeds.iter().map(u32::to_string).collect();
             outln!("no servo answers on `{path}` at {} bit/s, and no adapter with slcan:", speeds.join(", "));
@@ -68,7 +68,7 @@ fn as_json(speed: u32, servo: &ServoFound) -> serde_json::Value {
 }
 
 /// A servo in words.
-fn words(speed: u32, servo: &ServoFound) -> String {
+fn describe(speed: u32, servo: &ServoFound) -> String {
     let (maker, protocol) = protocol(servo);
     let model = servo
         .model
@@ -85,11 +85,11 @@ mod tests {
     fn a_servo_is_said_with_all_that_it_tells() {
         let servo = ServoFound { number: 7, protocol: Protocol::Two, model: Some((1200, 52)), error: 0x80 };
         assert_eq!(
-            words(57_600, &servo),
+            describe(57_600, &servo),
             "servo   7    57600 bit/s  protocol 2 (dynamixel), model 1200, firmware 52, errors 0x80"
         );
         let servo = ServoFound { number: 1, protocol: Protocol::One, model: None, error: 0 };
-        assert_eq!(words(1_000_000, &servo), "servo   1  1000000 bit/s  protocol 1 (feetech)");
+        assert_eq!(describe(1_000_000, &servo), "servo   1  1000000 bit/s  protocol 1 (feetech)");
         assert_eq!(as_json(1_000_000, &servo)["model"], serde_json::Value::Null);
     }
 }

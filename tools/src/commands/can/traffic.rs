@@ -84,7 +84,7 @@ pub(super) struct SignalRow {
 }
 
 impl SignalRow {
-    fn of(decoded: &Decoded<'_>) -> Vec<Self> {
+    fn from_decoded(decoded: &Decoded<'_>) -> Vec<Self> {
         let row = |signal: &motorium_can::SignalValue<'_>| Self {
             name: signal.name.to_string(),
             value: signal.value,
@@ -124,7 +124,7 @@ impl Traffic {
         line.seen_us = record.time_us();
         line.data = frame.data().iter().map(|byte| format!("{byte:02X}")).collect::<Vec<_>>().join(" ");
         line.message = words.map(|words| words.name.to_string());
-        line.signals = words.map_or_else(Vec::new, SignalRow::of);
+        line.signals = words.map_or_else(Vec::new, SignalRow::from_decoded);
         line.text = words.map_or_else(String::new, Decoded::to_string);
     }
 

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::style;
 
 /// The times as JSON.
-pub(super) fn of(times: &[DeclareTime]) -> Value {
+pub(super) fn to_json(times: &[DeclareTime]) -> Value {
     let time = |time: &DeclareTime| {
         json!({
             "component": time.component,
@@ -48,7 +48,7 @@ mod tests {
         let text = warnings(&times);
         assert!(text.contains("component `slow` took 1.234 s to declare itself, more than 100 ms"), "{text}");
         assert!(!text.contains("quick"), "{text}");
-        let data = of(&times);
+        let data = to_json(&times);
         assert_eq!((&data[0]["within_bound"], &data[1]["within_bound"]), (&json!(true), &json!(false)));
     }
 }

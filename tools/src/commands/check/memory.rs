@@ -22,7 +22,7 @@ pub(super) struct TopicMemory<'a> {
 }
 
 /// The shared memory of each topic.
-pub(super) fn of(plan: &Plan) -> Vec<TopicMemory<'_>> {
+pub(super) fn per_topic(plan: &Plan) -> Vec<TopicMemory<'_>> {
     let topics = plan.topics.iter();
     let memory = topics.map(|topic| TopicMemory {
         topic: &topic.name,
@@ -37,7 +37,7 @@ pub(super) fn of(plan: &Plan) -> Vec<TopicMemory<'_>> {
 
 /// A table of all topics and their sum.
 pub(super) fn describe(plan: &Plan) -> String {
-    let topics = of(plan);
+    let topics = per_topic(plan);
     let mut rows = table(["topic", "pattern", "type", "value", "slots", "memory"]);
     for topic in &topics {
         let pattern = match topic.pattern {

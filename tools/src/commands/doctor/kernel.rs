@@ -131,7 +131,7 @@ fn check_preemption(preemption: Preemption) -> Finding {
             "lazy, not PREEMPT_RT: normal threads may hold up real-time ones inside the kernel"
         }
         Preemption::Voluntary => "voluntary: a real-time thread waits for others to leave the kernel",
-        Preemption::None => "none: a real-time thread waits for others to leave the kernel",
+        Preemption::None => "none: a real-time thread waits until others leave the kernel",
         Preemption::Unknown => "chosen at boot, which way cannot be read as this user",
     };
     Finding::warn(name, found, better)
@@ -142,7 +142,7 @@ fn check_resolution(resolution_ns: u64) -> Finding {
     if resolution_ns <= 1_000 {
         return Finding::pass(name, format!("high resolution ({resolution_ns} ns)"));
     }
-    let found = format!("resolution {resolution_ns} ns: a rate of 1 kHz cannot be held");
+    let found = format!("resolution {resolution_ns} ns: too coarse for a rate of 1 kHz");
     Finding::fail(
         name,
         found,
@@ -184,7 +184,7 @@ fn check_throttling(runtime: &str, period: &str) -> Finding {
             "real-time threads get no time at all",
             "sudo sysctl kernel.sched_rt_runtime_us=950000",
         ),
-        _ if runtime >= period => Finding::pass(name, "none: real-time threads may use their cores whole"),
+        _ if runtime >= period => Finding::pass(name, "none: real-time threads may use their whole cores"),
         _ => {
             let share = runtime as f64 * 100.0 / period as f64;
             let pause = (period - runtime) / 1000;

@@ -44,11 +44,7 @@ fn check_virtual(hypervisor: bool, product: &[String; 2], container: bool) -> Fi
             "virtual{kind}{inside}: its host may take the cores away at any time; what is measured below is not \
              the hardware's"
         );
-        return Finding::warn(
-            name,
-            found,
-            "run robots on a machine of their own; for development this is fine",
-        );
+        return Finding::warn(name, found, "run robots on a physical machine; for development this is fine");
     }
     Finding::pass(name, format!("not virtual{inside}"))
 }
@@ -79,7 +75,7 @@ fn check_siblings(active: Option<&str>) -> Finding {
     match active {
         Some("1") => Finding::warn(
             name,
-            "on: what runs on the sibling of a real-time core slows it down",
+            "on: load on the sibling of a real-time core slows it down",
             "echo off | sudo tee /sys/devices/system/cpu/smt/control",
         ),
         _ => Finding::pass(name, "none in use"),

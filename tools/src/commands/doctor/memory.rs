@@ -66,7 +66,7 @@ fn check_huge_pages(enabled: Option<&str>) -> Finding {
     let name = "huge pages";
     let chosen = enabled.and_then(|text| text.split_once('[')?.1.split_once(']')).map(|(chosen, _)| chosen);
     match chosen {
-        None => Finding::pass(name, "the kernel makes none by itself"),
+        None => Finding::pass(name, "the kernel creates none automatically"),
         Some("always") => Finding::warn(
             name,
             "always: the kernel may stop a process to put its pages together",

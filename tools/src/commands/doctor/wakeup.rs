@@ -52,7 +52,7 @@ pub(super) fn check(measured: &Measured) -> Finding {
     let late = measured.lateness_ns;
     let how = match measured.fifo_priority {
         0 => "without real-time priority".to_string(),
-        1 => "at SCHED_FIFO 1, beside a running graph".to_string(),
+        1 => "at SCHED_FIFO 1, with a running graph".to_string(),
         priority => format!("at SCHED_FIFO {priority}"),
     };
     let allowed = (PERIOD_NS as f64 * SHARE) as u64;
@@ -65,8 +65,8 @@ pub(super) fn check(measured: &Measured) -> Finding {
         measured.count,
         microseconds(allowed),
     );
-    let fix = "see to what is listed above, stop what else runs on this machine, and measure longer: \
-               motorium doctor --measure 60s";
+    let fix =
+        "fix the findings above, stop other programs, and measure longer: motorium doctor --measure 60s";
     if late.p999 <= allowed {
         Finding::pass(name, found)
     } else if late.p99 <= allowed {

@@ -21,11 +21,11 @@ pub(crate) struct Draw {
     /// Format of the drawing
     #[arg(long, value_enum, default_value_t = Format::Mermaid)]
     format: Format,
-    /// File to write; standard output if not given
+    /// File to write [default: standard output]
     #[arg(long, short)]
     output: Option<PathBuf>,
-    /// Add measured values: of a running graph (its id or its name; the newest if not given), or of a report
-    /// that `motorium run --json` printed
+    /// Add measured values of a running graph (its id or name) or of a report by `motorium run --json`
+    /// [default: the newest running graph]
     #[arg(long, value_name = "RUN|REPORT", num_args = 0..=1)]
     measured: Option<Option<String>>,
     /// Print the checked plan as JSON instead

@@ -42,7 +42,7 @@ impl<'a> Definitions<'a> {
 }
 
 /// All keys of a table, each table's own before its nested tables' keys.
-pub(super) fn of(schema: &Json, definitions: &Json) -> Vec<Key> {
+pub(super) fn collect(schema: &Json, definitions: &Json) -> Vec<Key> {
     let mut keys = Vec::new();
     let mut walk =
         Walk { definitions: Definitions(definitions), trail: Vec::new(), in_variant: false, keys: &mut keys };
@@ -257,7 +257,7 @@ mod tests {
         let mut sorted = expected.map(str::to_string).to_vec();
         sorted.sort();
         assert_eq!(found, sorted);
-        let keys = of(&schema, &definitions);
+        let keys = collect(&schema, &definitions);
         assert!(keys.iter().find(|key| key.key == "goals").is_some_and(|key| key.required));
         let time = keys.iter().find(|key| key.key == "goals[].time").expect("there");
         assert_eq!((&time.minimum, time.description.as_str()), (&Some(json!(1)), "Time, s."));

@@ -18,19 +18,19 @@ use source::KindSource;
 
 /// List the kinds of components, or describe one: ports, parameters, configuration, an example.
 ///
-/// Everything is taken from the kind's own declaration and the JSON Schema of its configuration. Ports and
+/// The source is the kind's declaration and the JSON Schema of its configuration. Ports and
 /// parameters may depend on both robot and configuration: they belong to the example.
 ///
 /// Example: motorium kinds control.qp
 #[derive(Debug, clap::Args)]
 pub(crate) struct Kinds {
-    /// The kind to describe, such as `policy.dmp`; all are listed if not given
+    /// The kind to describe, such as `policy.dmp` [default: list all]
     #[arg(add = crate::complete::kinds())]
     kind: Option<String>,
-    /// Ask this program in place of the built-in kinds: a component of one's own
+    /// Describe the kind in this component program instead of the built-in kinds
     #[arg(long, value_name = "PROGRAM")]
     exec: Option<PathBuf>,
-    /// The robot for which the kind declares its ports; one of the catalogue that it takes if not given
+    /// The robot for which the kind declares its ports [default: a supported one of the catalogue]
     #[arg(long, value_name = "ROBOT", add = crate::complete::robots())]
     robot: Option<String>,
     /// Print JSON
@@ -54,7 +54,7 @@ impl Kinds {
             self.list(&kinds)?;
             return Ok(ExitCode::SUCCESS);
         };
-        let sheet = Sheet::of(kind, self.robot.as_deref());
+        let sheet = Sheet::from_kind(kind, self.robot.as_deref());
         match self.json {
             true => outln!("{}", serde_json::to_string_pretty(&sheet)?),
             false => out!("{}", print::sheet(&sheet)),

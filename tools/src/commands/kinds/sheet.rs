@@ -53,7 +53,7 @@ pub(super) struct Port {
 
 impl Sheet {
     /// Asks a kind, with this robot, or with one of the catalogue that it takes.
-    pub(super) fn of(kind: &KindSource<'_>, robot: Option<&str>) -> Self {
+    pub(super) fn from_kind(kind: &KindSource<'_>, robot: Option<&str>) -> Self {
         let (schema, definitions) = kind.schema();
         let mut config = example::config(&schema, &definitions);
         let (name, mut declared) = declare(kind, &config, robot);
@@ -79,15 +79,15 @@ impl Sheet {
             resets: declaration.resets,
             example: example::fragment(kind, &declaration, robot.as_deref(), &config),
             robot,
-            ports: declaration.ports.iter().map(Port::of).collect(),
+            ports: declaration.ports.iter().map(Port::from_declaration).collect(),
             parameters: declaration.parameters,
-            config: keys::of(&schema, &definitions),
+            config: keys::collect(&schema, &definitions),
         }
     }
 }
 
 impl Port {
-    fn of(port: &PortDeclaration) -> Self {
+    fn from_declaration(port: &PortDeclaration) -> Self {
         Self {
             name: port.name.clone(),
             direction: port.direction,

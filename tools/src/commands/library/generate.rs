@@ -27,10 +27,10 @@ pub(super) struct Generate {
     /// Share of the second movement, 0 to 1
     #[arg(long, default_value_t = 0.5)]
     blend: f64,
-    /// Weights of the first eigenforces, in place of a movement; start and goal are 0 unless given
+    /// Weights of the first eigenforces, instead of a movement; start and goal are 0 unless given
     #[arg(long, value_delimiter = ',', conflicts_with = "movement", allow_hyphen_values = true)]
     weights: Vec<f64>,
-    /// Number of eigenforces to use: all if not given
+    /// Number of eigenforces to use [default: all]
     #[arg(long)]
     eigenforces: Option<usize>,
     /// Start position, one number for each degree of freedom or for all; the goal is shifted with it
@@ -45,7 +45,7 @@ pub(super) struct Generate {
     /// Draw the movement into this SVG file
     #[arg(long, value_name = "SVG")]
     plot: Option<PathBuf>,
-    /// Write to this CSV file in place of standard output
+    /// Write to this CSV file instead of standard output
     #[arg(long, short)]
     output: Option<PathBuf>,
     /// Print as JSON

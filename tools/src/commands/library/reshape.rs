@@ -13,7 +13,7 @@ use super::source::Source;
 use crate::out::{errln, outln};
 use crate::style;
 
-/// Take parts of a body out of a library of the whole, without the recordings.
+/// Extract parts of a body from a library of the whole, without the recordings.
 ///
 /// Example: motorium library split body.library arms='larm*,rarm*' left='l*' --output parts
 #[derive(Debug, clap::Args)]
@@ -71,7 +71,7 @@ pub(super) struct Merge {
     /// The file to write
     #[arg(long, short)]
     output: PathBuf,
-    /// Take the parts of a body as independent, even if they were learned from the same movements
+    /// Treat the parts of a body as independent, even if they were learned from the same movements
     #[arg(long)]
     independent: bool,
     #[command(flatten)]
@@ -98,7 +98,7 @@ impl Merge {
     }
 }
 
-/// Take further recordings into a library, one by one, without those it was learned from.
+/// Add recordings to a library one by one, without its training recordings.
 ///
 /// Example: motorium library update letters.library more.jsonl --output letters.library
 #[derive(Debug, clap::Args)]

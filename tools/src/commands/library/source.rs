@@ -14,7 +14,7 @@ pub(super) struct Source {
     /// Samples per second of recordings without times
     #[arg(long, default_value_t = 100.0)]
     rate: f64,
-    /// Take only these degrees of freedom: names, or their beginnings and `*`
+    /// Use only these degrees of freedom: names, or prefixes with `*`
     #[arg(long, value_delimiter = ',')]
     columns: Vec<String>,
     /// Smooth first, with a Gaussian of this standard deviation in samples (measured recordings need it)

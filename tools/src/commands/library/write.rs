@@ -30,7 +30,7 @@ pub(super) struct Write {
     /// Speed of the pen, in units of the size per second
     #[arg(long, value_name = "SPEED", value_parser = positive)]
     pen_speed: Option<f64>,
-    /// Write to this CSV file in place of standard output
+    /// Write to this CSV file instead of standard output
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
     /// Draw the letter into this SVG file

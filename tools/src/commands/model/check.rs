@@ -22,7 +22,7 @@ pub(super) struct Check {
     /// The folder with policy.toml, or that file
     #[arg(value_name = "POLICY")]
     policy: PathBuf,
-    /// The robot; default: the one that the policy names
+    /// The robot [default: the policy's]
     #[arg(long, value_name = "ROBOT", add = crate::complete::robots())]
     robot: Option<String>,
     /// Require the default pose of the policy to equal this pose of the robot, within 1e-3 rad or m

@@ -15,7 +15,7 @@ pub(super) type File = (&'static str, String);
 pub(super) enum WriteError {
     #[error("`{}` exists already and is left as it is; choose another name, or another folder with --path", .0.display())]
     Exists(PathBuf),
-    #[error("there is no folder `{}` to make it in", .0.display())]
+    #[error("the folder `{}` does not exist", .0.display())]
     NoParent(PathBuf),
     #[error("`{}` cannot be written: {source}", path.display())]
     Io { path: PathBuf, source: io::Error },

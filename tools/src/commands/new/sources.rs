@@ -17,11 +17,11 @@ impl Sources {
         let program = std::env::current_exe().and_then(|path| path.canonicalize()).ok();
         let around = program.iter().flat_map(|path| path.ancestors().skip(1));
         let built = Path::new(env!("CARGO_MANIFEST_DIR")).parent();
-        around.chain(built).find_map(Self::at)
+        around.chain(built).find_map(Self::in_folder)
     }
 
     /// The sources below this folder, if they are of this version.
-    fn at(root: &Path) -> Option<Self> {
+    fn in_folder(root: &Path) -> Option<Self> {
         Self::checkout(root).or_else(|| Self::installed(root))
     }
 
@@ -86,12 +86,12 @@ mod tests {
         let write = |name: &str, text: &str| write(folder.path(), name, text);
         write("Cargo.toml", "[workspace.package]\nversion = \"0.0.1\"\n");
         write("runtime/Cargo.toml", "[package]\nname = \"motorium\"\n");
-        assert_eq!(Sources::at(folder.path()), None, "another version");
+        assert_eq!(Sources::in_folder(folder.path()), None, "another version");
         let version = env!("CARGO_PKG_VERSION");
         write("Cargo.toml", &format!("[workspace.package]\nversion = \"{version}\"\n"));
-        assert!(Sources::at(folder.path()).is_some());
+        assert!(Sources::in_folder(folder.path()).is_some());
         write("runtime/Cargo.toml", "[package]\nname = \"other\"\n");
-        assert_eq!(Sources::at(folder.path()), None, "another crate");
+        assert_eq!(Sources::in_folder(folder.path()), None, "another crate");
     }
 
     #[test]
@@ -99,10 +99,10 @@ mod tests {
         let prefix = tempfile::tempdir().unwrap();
         let manifest = |version: &str| format!("[package]\nname = \"motorium\"\nversion = \"{version}\"\n");
         write(prefix.path(), "share/motorium/runtime/Cargo.toml", &manifest("0.0.1"));
-        assert_eq!(Sources::at(prefix.path()), None, "another version");
+        assert_eq!(Sources::in_folder(prefix.path()), None, "another version");
         write(prefix.path(), "share/motorium/runtime/Cargo.toml", &manifest(env!("CARGO_PKG_VERSION")));
         write(prefix.path(), "share/motorium/runtime/Cargo.lock", "version = 4\n");
-        let sources = Sources::at(prefix.path()).expect("found");
+        let sources = Sources::in_folder(prefix.path()).expect("found");
         assert_eq!(sources.runtime(), prefix.path().join("share/motorium/runtime"));
         assert_eq!(sources.lock().as_deref(), Some("version = 4\n"));
     }

@@ -54,7 +54,7 @@ pub(super) fn per_dimension(option: &str, given: &[f64], names: &[String]) -> an
 fn numbers(text: &str) -> Result<Numbers, String> {
     let number = |part: &str| match part.trim().parse::<f64>() {
         Ok(number) if number.is_finite() => Ok(number),
-        _ => Err(format!("`{part}` is no number; expected numbers with commas between, such as 0.1,-2")),
+        _ => Err(format!("`{part}` is not a number; expected numbers separated by commas, such as 0.1,-2")),
     };
     text.split(',').map(number).collect::<Result<_, _>>().map(Numbers)
 }

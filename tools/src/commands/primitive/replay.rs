@@ -38,7 +38,7 @@ pub(super) struct Replay {
     /// Place to pass, of a probabilistic primitive: phase:X,.. or phase:X,..:deviation (again for more)
     #[arg(long, value_name = "P:X,..", value_parser = via, allow_hyphen_values = true)]
     via: Vec<ViaPoint>,
-    /// Periods of a rhythm; 2 if not given
+    /// Periods of a rhythm [default: 2]
     #[arg(long, value_name = "N", value_parser = positive)]
     periods: Option<f64>,
     /// Amplitude of a rhythm; 1 is the demonstration's
@@ -71,7 +71,7 @@ fn via(text: &str) -> Result<ViaPoint, String> {
         return Err("expected a phase, a colon and a place, such as 0.5:0.1,-2".to_string());
     };
     let Ok(phase) = phase.parse::<f64>() else {
-        return Err(format!("`{phase}` is no phase: expected a number from 0 to 1"));
+        return Err(format!("invalid phase `{phase}`, expected a number from 0 to 1"));
     };
     if !(0.0..=1.0).contains(&phase) {
         return Err(format!("a phase of {phase}, expected from 0 to 1"));

@@ -29,29 +29,29 @@ pub(crate) struct Export {
     /// `csv`, `parquet`, or `lerobot`
     #[arg(long, value_enum, default_value_t, hide_possible_values = true)]
     format: Format,
-    /// A topic, in whose name `*` stands for any characters; may be repeated. All if not given
+    /// A topic, in whose name `*` stands for any characters; may be repeated [default: all]
     #[arg(long, value_name = "TOPIC")]
     topic: Vec<String>,
-    /// The folder of the tables; FILE without `.mcap` if not given
+    /// The folder of the tables [default: FILE without `.mcap`]
     #[arg(long, short, value_name = "FOLDER")]
     output: Option<PathBuf>,
-    /// LeRobot: frames a second; 50 if not given
+    /// LeRobot: frames a second [default: 50]
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     fps: Option<u32>,
-    /// LeRobot: numbers of the state, such as `panda/joint_state.position[0..7]`; may be repeated. The
-    /// positions that the writer of the joint commands reads if not given
+    /// LeRobot: numbers of the state, such as `panda/joint_state.position[0..7]`; may be repeated [default:
+    /// the positions read by the writer of the joint commands]
     #[arg(long, value_name = "SIGNAL")]
     state: Vec<Signal>,
-    /// LeRobot: numbers of the action; may be repeated. The commanded positions, or efforts, if not given
+    /// LeRobot: numbers of the action; may be repeated [default: the commanded positions, or efforts]
     #[arg(long, value_name = "SIGNAL")]
     action: Vec<Signal>,
-    /// LeRobot: a topic of pictures, of 8 bits a colour; may be repeated. All if not given
+    /// LeRobot: a topic of pictures, of 8 bits a colour; may be repeated [default: all]
     #[arg(long, value_name = "TOPIC", conflicts_with = "no_pictures")]
     pictures: Vec<String>,
     /// LeRobot: leave out pictures
     #[arg(long)]
     no_pictures: bool,
-    /// LeRobot: the task in words; the name of the graph if not given
+    /// LeRobot: the task in words [default: the name of the graph]
     #[arg(long, value_name = "TEXT")]
     task: Option<String>,
 }

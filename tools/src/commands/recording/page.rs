@@ -19,7 +19,7 @@ const BARS: usize = 40;
 /// Most events on the page.
 const EVENTS: usize = 500;
 
-/// Write a page about a recording: its graph with what was measured, latencies, tracking errors, events.
+/// Write a page about a recording: its graph with measured values, latencies, tracking errors, events.
 ///
 /// The page is one file and needs no network.
 ///
@@ -29,7 +29,7 @@ pub(crate) struct Report {
     /// The recording
     #[arg(value_name = "FILE.mcap")]
     file: PathBuf,
-    /// The page; FILE with `.html` in place of `.mcap` if not given
+    /// The page [default: FILE with `.html` in place of `.mcap`]
     #[arg(long, short, value_name = "FILE.html")]
     output: Option<PathBuf>,
 }

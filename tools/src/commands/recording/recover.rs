@@ -10,9 +10,9 @@ use crate::{exit, style};
 
 /// Repair a recording that a power cut or a full disk has torn, or whose bytes have changed.
 ///
-/// Writes everything that can be read into a new file with index and end; reading continues behind damage.
-/// The torn file stays as it is. Messages of damaged chunks are copied without a checksum, and the new file
-/// lists what is damaged or missing.
+/// Writes the readable part to a new file with index and end; reading continues behind damage. The torn file
+/// is not changed. Messages of damaged chunks are copied without a checksum, and the new file lists damaged
+/// and missing parts.
 ///
 /// Exit code 7 if messages are missing or damaged; 0 if only the unfinished end was lost.
 ///
@@ -22,7 +22,7 @@ pub(crate) struct Recover {
     /// The torn file
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// The repaired file; FILE with `.recovered.mcap` in place of `.mcap` if not given
+    /// The repaired file [default: FILE with `.recovered.mcap` in place of `.mcap`]
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
 }

@@ -13,10 +13,10 @@ use crate::out::{errln, out, outln};
 use crate::printer::Printer;
 use crate::{exit, registry, report, style};
 
-/// Publish a recording once more, or run its graph again and compare every sample.
+/// Replay a recording, or run its graph again and compare every sample.
 ///
-/// Each component publishes what was recorded of it, at the recorded times; those that `--live` names run
-/// themselves. Episodes follow one another as they were recorded.
+/// Each component publishes its recorded samples at the recorded times; components of `--live` run
+/// themselves. Episodes follow in the recorded order.
 ///
 /// A robot that runs itself and follows recorded joint commands is led to the first of them within half of
 /// the limits of its joints, and to rest behind the last. Then it goes to its safe state.
@@ -36,16 +36,16 @@ pub(crate) struct Replay {
     /// Run the graph again and compare
     #[arg(long, conflicts_with_all = ["live", "speed", "paused"])]
     verify: bool,
-    /// With `--verify`: a component whose recording takes its place; may be repeated
+    /// With `--verify`: a component replaced by its recording; may be repeated
     #[arg(long, value_name = "COMPONENT", requires = "verify")]
     replace: Vec<String>,
-    /// A component that runs itself; may be repeated. None if not given: all is replayed
+    /// A component that runs itself; may be repeated [default: none]
     #[arg(long, value_name = "COMPONENT")]
     live: Vec<String>,
     /// Recorded time per real time; `0` for as fast as the machine allows
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
     speed: f64,
-    /// Index of the one episode to replay, from 0. All if not given, one after the other
+    /// Index of the episode to replay, from 0 [default: all]
     #[arg(long, value_name = "INDEX", conflicts_with = "verify")]
     episode: Option<u64>,
     /// Hold time at the start, until `motorium step`
@@ -55,7 +55,7 @@ pub(crate) struct Replay {
     /// it
     #[arg(long, conflicts_with_all = ["speed", "paused", "verify"])]
     realtime: bool,
-    /// Time in which a robot that runs itself comes to the first recorded pose; `"0 s"` for none
+    /// Time in which a live robot moves to the first recorded pose; `"0 s"` for none
     #[arg(
         long,
         value_name = "TIME",
@@ -64,7 +64,7 @@ pub(crate) struct Replay {
         allow_hyphen_values = true
     )]
     ease_in: TimeSpan,
-    /// Time in which it comes to rest behind the last command
+    /// Time in which a live robot comes to rest after the last command
     #[arg(
         long,
         value_name = "TIME",
@@ -115,7 +115,7 @@ impl Replay {
         if self.realtime {
             if let Some(episodes) = plan.episodes {
                 anyhow::bail!(
-                    "{} has {} episodes, and in real time nothing sets a robot back between them: choose one by `--episode INDEX`",
+                    "{} has {} episodes, and a real robot is not reset between them: choose one by `--episode INDEX`",
                     self.file.display(),
                     episodes.count
                 );
@@ -125,7 +125,7 @@ impl Replay {
         self.ease_in(&mut plan);
         let mut options = self.options(&plan)?;
         options.stand_in = loggers(&plan);
-        let mut printer = Printer::plain(self.json)?;
+        let mut printer = Printer::lines(self.json)?;
         let mut observe = |event: Event<'_>| printer.show(&event);
         let mut session = Session::observed(plan, &registry::with_hidden(), &options, &mut observe)?;
         if self.speed > 0.0 && !self.realtime {
@@ -174,7 +174,7 @@ impl Replay {
         }
     }
 
-    /// One thread for all, unless a component has a program of its own.
+    /// One thread for all, unless a component has a separate program.
     fn options(&self, plan: &Plan) -> anyhow::Result<Options> {
         let own = std::env::current_exe()?;
         for component in plan.components.iter().filter(|_| !self.allow_programs) {

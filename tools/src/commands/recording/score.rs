@@ -8,7 +8,7 @@ use motorium_bridges::recording::{JointScore, JointsScore, PoseScore, Score as S
 use crate::out::{out, outln};
 use crate::report::decimal;
 
-/// Compute from a recording what a run has reached: goals, path errors, tracking errors, limits, smoothness.
+/// Score a recording: goals, path errors, tracking errors, limits, smoothness.
 ///
 /// Frames are computed from the recorded joint states and compared with the recorded targets: no component
 /// scores itself.
@@ -19,10 +19,10 @@ pub(crate) struct Score {
     /// The recording
     #[arg(value_name = "FILE.mcap")]
     file: PathBuf,
-    /// Distance from a goal within which it counts as reached, in m; as the graph says, or 5 mm, if not given
+    /// Distance from a goal within which it counts as reached, in m [default: the graph's, or 5 mm]
     #[arg(long, value_name = "M", value_parser = tolerance)]
     position_tolerance: Option<f64>,
-    /// Angle from a goal within which it counts as reached, in rad; as the graph says, or 0.02, if not given
+    /// Angle from a goal within which it counts as reached, in rad [default: the graph's, or 0.02]
     #[arg(long, value_name = "RAD", value_parser = tolerance)]
     orientation_tolerance: Option<f64>,
     /// Print the score as JSON on standard output

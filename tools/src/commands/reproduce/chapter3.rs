@@ -33,7 +33,7 @@ pub(super) struct Chapter3 {
     /// Training epochs of the network
     #[arg(long, default_value_t = 220)]
     epochs: usize,
-    /// Number of networks to train, each from a seed of its own
+    /// Number of networks to train, each with a different seed
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=100))]
     networks: u64,
     /// Random splits of the letters over which errors of position are averaged

@@ -123,7 +123,7 @@ fn claims(writer: &mut FigureWriter, runs: &[Vec<StackSample>]) {
     let (with, without) = (posture(hard), posture(cartesian));
     writer.claim(
         "2.27",
-        "below the hand the posture is kept at least as well as without a task of its own",
+        "below the hand the posture is kept at least as well as without a posture task",
         with <= without + 1e-9,
         format!("mean {} rad, without {} rad", decimal(with), decimal(without)),
     );

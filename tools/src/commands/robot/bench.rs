@@ -29,8 +29,7 @@ pub(super) struct Bench {
     /// Number of samples of each
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u32).range(10..=1_000_000))]
     samples: u32,
-    /// The frame of the frame Jacobian; an end effector or foot, or the tip of the longest chain, if not
-    /// given
+    /// Frame of the frame Jacobian [default: an end effector or foot, or the tip of the longest chain]
     #[arg(long)]
     frame: Option<String>,
     /// Print JSON

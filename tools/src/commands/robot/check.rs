@@ -12,8 +12,8 @@ use crate::{exit, style};
 
 /// Check a robot's URDF or MJCF: every defect, named with its link or joint.
 ///
-/// A fault that keeps the robot from loading comes with its line and column, and the exit code is 3. Defects
-/// that real robots' files have are warnings; with --strict they make the exit code 3, too.
+/// A fault that prevents loading is reported with line and column, and exit code 3. Common defects of real
+/// robot files are warnings; with --strict they cause exit code 3, too.
 ///
 /// Example: motorium robot check arm.urdf --package-path ~/ros/src
 #[derive(Debug, clap::Args)]
@@ -52,7 +52,7 @@ impl Check {
             Ok(seen) => {
                 let (known, mut missing) = (missing_meshes(robot), missing_meshes(&seen));
                 missing.retain(|warning| !known.contains(warning));
-                ModelWarning::told(&missing).iter().map(|told| format!("visual of {told}")).collect()
+                ModelWarning::told(&missing).iter().map(|mesh| format!("visual of {mesh}")).collect()
             }
             Err(error) => vec![format!("its visuals cannot be read: {error}")],
         }
@@ -63,9 +63,9 @@ impl Check {
 fn warnings(robot: &Loaded) -> Vec<String> {
     let mut warnings = ModelWarning::told(&robot.warnings);
     if !robot.model.has_shapes() {
-        let told = "no link has a collision shape: in physics the robot passes through the ground and all objects; \
+        let warning = "no link has a collision shape: in physics the robot passes through the ground and all objects; \
                     `motorium robot hulls` gives its links the hulls of their visuals";
-        warnings.push(told.to_string());
+        warnings.push(warning.to_string());
     }
     warnings
 }

@@ -18,8 +18,8 @@ use crate::style;
 
 /// Write a copy of a URDF whose collision meshes are convex hulls, or several convex parts each.
 ///
-/// A link with a visual mesh and no collision shape gets the hull of that. The copy and its meshes stand in
-/// one folder and need no packages for collisions; visuals stay as they are.
+/// A link with a visual mesh but no collision shape gets the visual's hull. The copy and its meshes are in
+/// one folder and need no packages for collisions; visuals are not changed.
 ///
 /// Example: motorium robot hulls ur5.urdf --output ur5-hulls --parts 4
 #[derive(Debug, clap::Args)]

@@ -9,12 +9,11 @@ use motorium_robots::{installed, installed_folder};
 use crate::out::outln;
 use crate::style;
 
-/// Unpack a collection of robots into the user's data folder, where every command and graph finds them by
-/// name.
+/// Install a collection of robots into the user's data folder, where commands and graphs find them by name.
 ///
 /// `example-robot-data` is the collection that Pinocchio's examples use: some seventy robot files, most under
-/// BSD or Apache licences; some robots are not (each robot's README says which). It comes from PyPI by pip;
-/// nothing of it is executed.
+/// BSD or Apache licences; some robots are not (each robot's README says which). pip downloads it from PyPI;
+/// nothing is executed.
 ///
 /// Example: motorium robot install example-robot-data
 #[derive(Debug, clap::Args)]
@@ -28,7 +27,7 @@ pub(super) struct Install {
     /// The Python interpreter whose pip is used
     #[arg(long, default_value = "python3")]
     python: PathBuf,
-    /// Folder to put it in; `$MOTORIUM_ROBOTS`, or `motorium/robots` in the user's data folder, if not given
+    /// Target folder [default: `$MOTORIUM_ROBOTS`, or `motorium/robots` in the user's data folder]
     #[arg(long, value_name = "FOLDER")]
     into: Option<PathBuf>,
 }
@@ -60,7 +59,7 @@ impl Install {
         let usual = installed_folder();
         let folder = self.into.clone().or_else(|| usual.clone());
         let folder =
-            folder.context("neither HOME nor MOTORIUM_ROBOTS is set; say where with --into FOLDER")?;
+            folder.context("neither HOME nor MOTORIUM_ROBOTS is set; name a folder with --into FOLDER")?;
         std::fs::create_dir_all(&folder).with_context(|| format!("making {}", folder.display()))?;
         // Beside its place, so that it can be moved there at once; a dot keeps it from being found before it
         // is whole.

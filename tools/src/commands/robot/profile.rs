@@ -16,14 +16,14 @@ use crate::style;
 ///
 /// The end effector is the tip of the longest chain of joints, the home pose lies inside the limits, gains
 /// and accelerations follow from inertias and effort limits. A graph names it by `profile` in its
-/// `[robot.NAME]`; a profile of the same name beside the robot's file is found without that.
+/// `[robot.NAME]`; a profile of the same name in the folder of the robot's file needs no entry.
 ///
 /// Example: motorium robot profile arm.urdf --output my-arm.toml
 #[derive(Debug, clap::Args)]
 pub(super) struct Profile {
     #[command(flatten)]
     robot: RobotArgs,
-    /// File to write, which must not exist yet; standard output if not given
+    /// File to write, which must not exist yet [default: standard output]
     #[arg(long, short, value_name = "FILE")]
     output: Option<PathBuf>,
 }
@@ -71,7 +71,7 @@ fn next_steps(robot: &Loaded, named: &str, file: &Path) -> String {
         .collect();
     let table = if name.is_empty() { "robot" } else { &name };
     format!(
-        "Read it, mend what is not right, and name it in a graph:\n  [robot.{table}]\n  urdf    = {named:?}\n  profile = {:?}",
+        "Check it, correct it, and name it in a graph:\n  [robot.{table}]\n  urdf    = {named:?}\n  profile = {:?}",
         file.display().to_string()
     )
 }

@@ -28,7 +28,7 @@ impl Cell {
         Self { text: text.into(), tone }
     }
 
-    pub(super) fn plain(text: impl Into<String>) -> Self {
+    pub(super) fn text(text: impl Into<String>) -> Self {
         Self::new(text, Tone::Plain)
     }
 
@@ -131,7 +131,7 @@ impl Sheet {
             let group = self.columns[first].group;
             // Centred over its columns, so that it is not taken for the neighbour's.
             line.push(Cell::new(format!("{group:^width$}"), Tone::Strong));
-            line.push(Cell::plain(" ".repeat(GAP)));
+            line.push(Cell::text(" ".repeat(GAP)));
         }
         line
     }
@@ -143,13 +143,13 @@ fn padded(columns: &[Column], widths: &[usize], row: Vec<Cell>) -> Vec<Cell> {
         let Cell { text, tone } = cell;
         let text = if column.left { format!("{text:<width$}") } else { format!("{text:>width$}") };
         line.push(Cell::new(text, tone));
-        line.push(Cell::plain(" ".repeat(GAP)));
+        line.push(Cell::text(" ".repeat(GAP)));
     }
     line
 }
 
 /// A line as plain text.
-pub(super) fn plain(line: &[Cell]) -> String {
+pub(super) fn to_text(line: &[Cell]) -> String {
     let text: String = line.iter().map(|cell| cell.text.as_str()).collect();
     text.trim_end().to_string()
 }
@@ -172,7 +172,7 @@ mod tests {
     }
 
     fn text(sheet: Sheet, width: Option<usize>) -> Vec<String> {
-        sheet.lines(width).iter().map(|line| plain(line)).collect()
+        sheet.lines(width).iter().map(|line| to_text(line)).collect()
     }
 
     #[test]
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn a_table_without_groups_has_one_line_of_names() {
-        let sheet = Sheet { columns: vec![Column::text("name", 0)], rows: vec![vec![Cell::plain("a")]] };
+        let sheet = Sheet { columns: vec![Column::text("name", 0)], rows: vec![vec![Cell::text("a")]] };
         assert_eq!(text(sheet, None), ["name", "a"]);
     }
 }

@@ -1,7 +1,7 @@
 //! `motorium top` without a screen: tables once, or a line per interval.
 
 use super::data::{ComponentTop, Span, Top};
-use super::layout::plain;
+use super::layout::to_text;
 use super::order::Order;
 use super::view::View;
 use crate::progress::causes;
@@ -9,11 +9,11 @@ use crate::report::microseconds;
 
 /// All tables, one below the other.
 pub(super) fn tables(top: &Top, view: View) -> String {
-    let mut text = plain(&view.title(top)) + "\n";
+    let mut text = to_text(&view.title(top)) + "\n";
     for sheet in view.sheets(top) {
         text.push('\n');
         for line in sheet.lines(None) {
-            text += &plain(&line);
+            text += &to_text(&line);
             text.push('\n');
         }
     }

@@ -28,7 +28,7 @@ impl View {
         };
         let state = match top.state {
             State::Starting => Cell::new("starting", Tone::Warning),
-            State::Running => Cell::plain("running"),
+            State::Running => Cell::text("running"),
             State::SafeStop => Cell::new("safe stop", Tone::Bad),
             State::Stopping => Cell::new("stopping", Tone::Warning),
         };
@@ -39,7 +39,7 @@ impl View {
         vec![
             Cell::new(format!("{} ", top.run), Tone::Strong),
             state,
-            Cell::plain(format!(" {clock}, {:.1} s; times and counts of ", top.elapsed_s)),
+            Cell::text(format!(" {clock}, {:.1} s; times and counts of ", top.elapsed_s)),
             Cell::new(span, Tone::Strong),
         ]
     }
@@ -72,7 +72,7 @@ impl View {
         columns.extend(percentile_columns("CPU us", 5));
         let row = |component: &&ComponentTop| {
             let span = component.over(self.span);
-            let mut row = vec![name(component), Cell::plain(format!("{:.1}", span.rate_hz))];
+            let mut row = vec![name(component), Cell::text(format!("{:.1}", span.rate_hz))];
             if lateness {
                 row.extend(percentiles(&span.lateness_ns));
             }
@@ -109,11 +109,11 @@ impl View {
             vec![
                 name(component),
                 phase(component),
-                Cell::plain(component.core.map_or_else(|| "any".to_string(), |core| core.to_string())),
-                Cell::plain(component.core_share.map_or_else(|| "-".to_string(), percent)),
-                Cell::plain(percent(component.step_share)),
+                Cell::text(component.core.map_or_else(|| "any".to_string(), |core| core.to_string())),
+                Cell::text(component.core_share.map_or_else(|| "-".to_string(), percent)),
+                Cell::text(percent(component.step_share)),
                 spin(component.spin_ns),
-                Cell::plain(component.resident_bytes.map_or_else(|| "-".to_string(), mebibytes)),
+                Cell::text(component.resident_bytes.map_or_else(|| "-".to_string(), mebibytes)),
                 count(stolen, Tone::Warning),
                 count(late_wake, Tone::Warning),
                 count(long_step, Tone::Warning),
@@ -136,10 +136,10 @@ impl View {
         columns.extend([Column::number("", "missed", 0), Column::number("", "of", 1)]);
         let row = |latency: &LatencyTop| {
             let span = latency.over(self.span);
-            let mut row = vec![Cell::plain(format!("{} -> {}", latency.from, latency.to))];
+            let mut row = vec![Cell::text(format!("{} -> {}", latency.from, latency.to))];
             row.extend(percentiles(&span.latency_ns));
-            row.push(Cell::plain(microseconds(latency.max_ns)));
-            row.extend([count(span.missed, Tone::Warning), Cell::plain(span.count.to_string())]);
+            row.push(Cell::text(microseconds(latency.max_ns)));
+            row.extend([count(span.missed, Tone::Warning), Cell::text(span.count.to_string())]);
             row
         };
         Sheet { columns, rows: latencies.iter().map(row).collect() }
@@ -151,9 +151,9 @@ impl View {
         columns.push(Column::number("", "read", 1));
         let row = |edge: &EdgeTop| {
             let span = edge.over(self.span);
-            let mut row = vec![Cell::plain(format!("{} -> {}", edge.topic, edge.reader))];
+            let mut row = vec![Cell::text(format!("{} -> {}", edge.topic, edge.reader))];
             row.extend(percentiles(&span.age_ns));
-            row.push(Cell::plain(span.read.to_string()));
+            row.push(Cell::text(span.read.to_string()));
             row
         };
         Sheet { columns, rows: edges.iter().map(row).collect() }
@@ -178,7 +178,7 @@ fn events(events: &[LoggedEvent], clock: ClockKind) -> Sheet {
             EventSeverity::Error => Tone::Bad,
         };
         vec![
-            Cell::plain(format!("{time_s:.3}")),
+            Cell::text(format!("{time_s:.3}")),
             Cell::new(event.severity.name(), tone),
             Cell::new(event.kind.name(), Tone::Dim),
             Cell::new(event.text.clone(), tone),
@@ -196,13 +196,13 @@ fn cores(cores: &[CoreTop]) -> Sheet {
         // The kernel counts in hundredths of a second: the first one is noise.
         let stolen = if core.stolen > 0.015 { Tone::Warning } else { Tone::Plain };
         vec![
-            Cell::plain(core.core.to_string()),
-            Cell::plain(percent(core.user)),
-            Cell::plain(percent(core.system)),
-            Cell::plain(percent(core.interrupts)),
+            Cell::text(core.core.to_string()),
+            Cell::text(percent(core.user)),
+            Cell::text(percent(core.system)),
+            Cell::text(percent(core.interrupts)),
             Cell::new(percent(core.stolen), stolen),
-            Cell::plain(percent(core.idle)),
-            Cell::plain(core.components.join(" ")),
+            Cell::text(percent(core.idle)),
+            Cell::text(core.components.join(" ")),
         ]
     };
     Sheet { columns, rows: cores.iter().map(row).collect() }
@@ -220,7 +220,7 @@ fn percentile_columns(group: &'static str, rank: u8) -> [Column; 4] {
 }
 
 fn percentiles(of: &Percentiles) -> [Cell; 4] {
-    [of.p50, of.p99, of.p999, of.max].map(|ns| Cell::plain(microseconds(ns)))
+    [of.p50, of.p99, of.p999, of.max].map(|ns| Cell::text(microseconds(ns)))
 }
 
 fn name(component: &ComponentTop) -> Cell {
@@ -244,7 +244,7 @@ fn phase(component: &ComponentTop) -> Cell {
         return Cell::new("safe state", Tone::Bad);
     }
     match component.phase {
-        Phase::Running => Cell::plain("running"),
+        Phase::Running => Cell::text("running"),
         Phase::Created => Cell::new("created", Tone::Warning),
         Phase::Ready => Cell::new("ready", Tone::Warning),
         Phase::Connected => Cell::new("connected", Tone::Warning),
@@ -254,7 +254,7 @@ fn phase(component: &ComponentTop) -> Cell {
 }
 
 fn spin(ns: u64) -> Cell {
-    if ns == 0 { Cell::new("-", Tone::Dim) } else { Cell::plain(microseconds(ns)) }
+    if ns == 0 { Cell::new("-", Tone::Dim) } else { Cell::text(microseconds(ns)) }
 }
 
 fn count(number: u64, tone: Tone) -> Cell {

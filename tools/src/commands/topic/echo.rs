@@ -30,7 +30,7 @@ pub(super) struct Echo {
     /// Stop after this many samples
     #[arg(long, short = 'n', value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
-    /// Show the newest sample at most this often, in Hz; 10 if not given
+    /// Show the newest sample at most this often, in Hz [default: 10]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
     /// Show every sample, as far as history keeps them

@@ -18,7 +18,7 @@ use crate::{exit, style};
 
 /// Measure the rate of a topic and the spread of its intervals.
 ///
-/// Both are taken from the stamps of the publisher, so the time of reading does not affect them.
+/// Both are computed from the publisher's stamps, so the time of reading does not affect them.
 ///
 /// Example: motorium topic hz panda/joint_state --for 5s
 #[derive(Debug, clap::Args)]

@@ -37,7 +37,7 @@ struct Count {
 }
 
 impl Count {
-    fn of(block: &TopicBlock) -> Self {
+    fn from_block(block: &TopicBlock) -> Self {
         Self { published: block.published.load(Relaxed), last_ns: block.last_publish_ns.load(Relaxed) }
     }
 
@@ -85,12 +85,12 @@ impl List {
 /// All topics of a run, their rates measured over `time`.
 pub(super) fn rows(run: &LivingRun, time: Duration) -> Vec<Row> {
     let blocks = run.region.topics();
-    let before: Vec<Count> = blocks.iter().map(Count::of).collect();
+    let before: Vec<Count> = blocks.iter().map(Count::from_block).collect();
     std::thread::sleep(time);
     let topics = run.plan.topics.iter().zip(blocks).zip(before);
     topics
         .map(|((topic, block), before)| {
-            let count = Count::of(block);
+            let count = Count::from_block(block);
             let age = run.now_ns().saturating_sub(count.last_ns);
             Row {
                 name: topic.name.clone(),

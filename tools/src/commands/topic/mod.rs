@@ -17,7 +17,7 @@ use motorium::declare::TopicPattern;
 use motorium::nearest::suggest;
 use motorium::plan::{Plan, TopicPlan};
 
-/// Show the topics of a running graph, and feed those that take values from outside.
+/// Show the topics of a running graph, and feed topics that accept outside values.
 ///
 /// No component ever waits for an observer.
 ///

@@ -22,8 +22,8 @@ const POLL: Duration = Duration::from_millis(2);
 
 /// Publish values on a topic that a bridge of the graph feeds from outside.
 ///
-/// The topic must be one that `bridge.iceoryx2` publishes: no program from outside takes the place of a
-/// component. Fields that are left out are zero; counts follow from the entries of arrays.
+/// The topic must be published by `bridge.iceoryx2`: outside programs never replace a component. Omitted
+/// fields are zero; counts follow from the entries of arrays.
 ///
 /// Example: motorium topic pub panda/target 'position=[0.4, 0.0, 0.5] orientation=[1, 0, 0, 0]' --rate 100
 /// --for 2s
@@ -37,7 +37,7 @@ pub(super) struct Pub {
     fields: Vec<String>,
     #[command(flatten)]
     run: RunArg,
-    /// Publish this often, in Hz, until Ctrl-C or the end of `--for`; once if not given
+    /// Publish this often, in Hz, until Ctrl-C or the end of `--for` [default: once]
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
     /// Time for which to publish
@@ -112,7 +112,7 @@ fn fed_from_outside(plan: &Plan, topic: &TopicPlan) -> anyhow::Result<()> {
         .map(|topic| format!("`{}`", topic.name))
         .collect();
     let advice = match fed.as_slice() {
-        [] => "the graph has no `bridge.iceoryx2`, through which values come from outside".to_string(),
+        [] => "the graph has no `bridge.iceoryx2` for outside values".to_string(),
         fed => format!("from outside one can feed {}", fed.join(", ")),
     };
     bail!(

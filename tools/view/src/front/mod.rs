@@ -28,8 +28,7 @@ const SHORTAGE: Duration = Duration::from_millis(100);
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum FrontError {
     #[error(
-        "port {0} of this machine is taken by another program, perhaps another `motorium view`; choose one with `--port`, \
-         0 for any that is free"
+        "port {0} is in use, perhaps by another `motorium view`; choose another with `--port`, or 0 for any free port"
     )]
     Taken(u16),
     #[error("port {port} of this machine cannot be served: {reason}")]

@@ -1,5 +1,4 @@
-//! A recording in place of a run: its samples, sent to those who have subscribed at the pace that they ask
-//! for.
+//! A recording instead of a run: its samples, sent to subscribers at the requested pace.
 
 mod player;
 
@@ -101,7 +100,7 @@ pub(crate) fn play(
         }
         if moved.ended || moved.sought || told.is_none_or(|told| now - told >= TOLD) {
             told = Some(now);
-            place_channel.log(player().told().to_string().as_bytes());
+            place_channel.log(player().position_json().to_string().as_bytes());
             run_channel.log(playback.state().as_bytes());
         }
     }
@@ -211,7 +210,7 @@ impl<'r> Playback<'r> {
                 if topic == RUN {
                     run_channel.log_to_sink(self.state().as_bytes(), sink);
                 } else if let Some(topic) = self.channels.topic_of(&topic) {
-                    // What is shown while the recording stands still.
+                    // The display while the recording is paused.
                     self.changed[topic] = true;
                 } else {
                     self.channels.send_latched(&topic, sink);

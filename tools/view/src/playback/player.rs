@@ -66,7 +66,7 @@ impl Player {
         self.waits = false;
     }
 
-    /// Takes note that somebody looks.
+    /// Records that a client has subscribed.
     pub(crate) fn begin(&mut self) {
         self.waits = false;
     }

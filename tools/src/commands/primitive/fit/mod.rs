@@ -36,13 +36,13 @@ pub(super) struct Fit {
     /// The recordings
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Type of primitive; discrete if not given
+    /// Type of primitive [default: discrete]
     #[arg(
         long, value_enum, default_value_t = Model::Discrete, hide_default_value = true, hide_possible_values = true,
         value_name = "discrete|rhythmic|probabilistic|kernelised|polynomial"
     )]
     model: Model,
-    /// The equation of a discrete primitive; quintic-goal if not given
+    /// The equation of a discrete primitive [default: quintic-goal]
     #[arg(
         long,
         value_enum,
@@ -53,31 +53,31 @@ pub(super) struct Fit {
     /// Kernels or basis functions (30), Gaussians of a kernelised primitive, or a degree (5)
     #[arg(long, value_name = "N")]
     kernels: Option<usize>,
-    /// Method of regression; ridge (of a distribution: by EM) if not given
+    /// Method of regression [default: ridge (of a distribution: by EM)]
     #[arg(long, value_enum, hide_possible_values = true, value_name = "ridge|locally-weighted|response")]
     regression: Option<RegressionArg>,
-    /// Penalty of ridge and response regression; 1e-12 if not given
+    /// Penalty of ridge and response regression [default: 1e-12]
     #[arg(long, value_name = "LAMBDA")]
     penalty: Option<f64>,
-    /// Scaling of the shape of a discrete primitive with its displacement; fixed if not given
+    /// Scaling of the shape of a discrete primitive with its displacement [default: fixed]
     #[arg(long, value_enum, hide_possible_values = true, value_name = "fixed|displacement|similarity")]
     scaling: Option<ScalingArg>,
-    /// Field of the samples of a topic, such as velocity; position if not given
+    /// Field of the samples of a topic, such as velocity [default: position]
     #[arg(long, value_name = "NAME")]
     field: Option<String>,
-    /// Channel to keep (again for more); all if not given
+    /// Channel to keep (again for more) [default: all]
     #[arg(long, value_name = "NAME")]
     channel: Vec<String>,
     /// Samples a second of recordings without time
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Frequency above which a recording is noise; nothing is filtered if not given
+    /// Cut-off frequency of a low-pass filter for noise [default: no filter]
     #[arg(long, value_name = "HZ")]
     cutoff: Option<f64>,
-    /// Evenly spaced samples made of a recording (of a rhythm: of a period); 200 if not given
+    /// Number of evenly spaced samples per recording, or per period of a rhythm [default: 200]
     #[arg(long, value_name = "N", default_value_t = 200, hide_default_value = true, value_parser = clap::value_parser!(u32).range(4..=100_000))]
     samples: u32,
-    /// Periods that every recording of a rhythm holds; 1 if not given
+    /// Periods in every recording of a rhythm [default: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     periods: Option<u32>,
     /// Write the primitive to this file
@@ -150,7 +150,7 @@ impl Fit {
             Model::Polynomial => self.polynomial(&shown)?,
         };
         let reproduced = reproduce(&file, &shown.demonstrations)
-            .context("the primitive does not reproduce what it was shown")?;
+            .context("the primitive does not reproduce its demonstrations")?;
         if let Some(path) = &self.output {
             file.write(path)?;
         }
@@ -186,7 +186,7 @@ impl Fit {
         ] {
             if given && !holds {
                 bail!(
-                    "{option} says nothing of what is to be fitted: leave it out, or choose another --model or --regression"
+                    "{option} has no effect on this fit: remove it, or choose another --model or --regression"
                 );
             }
         }

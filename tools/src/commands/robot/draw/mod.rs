@@ -34,13 +34,13 @@ pub(super) struct Draw {
     /// Frames to draw (x red, y green, z blue); `ends`: root, end effectors, feet
     #[arg(long, value_enum, default_value_t = Frames::Ends)]
     frames: Frames,
-    /// Write the names of the frames beside them
+    /// Label the frames with their names
     #[arg(long)]
     names: bool,
     /// Mark the centre of mass
     #[arg(long)]
     com: bool,
-    /// Draw the visuals, with their meshes, in place of the collision geometry
+    /// Draw the visuals, with their meshes, instead of the collision geometry
     #[arg(long)]
     visual: bool,
     /// Leave out the ground and the shadow
@@ -49,7 +49,7 @@ pub(super) struct Draw {
     /// Width and height of the picture [default: 640x640]
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x640", hide_default_value = true, value_parser = size)]
     size: (f64, f64),
-    /// File to write; standard output if not given
+    /// File to write [default: standard output]
     #[arg(long, short)]
     output: Option<PathBuf>,
 }
@@ -86,7 +86,7 @@ impl Draw {
         let mut kinematics = Kinematics::new(model);
         kinematics.update(model, &q);
         let shapes = if self.visual { ShapeSource::Visual } else { ShapeSource::Collision };
-        let scene = scene::Scene::of(&robot, &kinematics, robot.link_colours(shapes)?, self.visual);
+        let scene = scene::Scene::from_robot(&robot, &kinematics, robot.link_colours(shapes)?, self.visual);
         let marks = marks::Marks {
             frames: marks::frames(&robot, &kinematics, self.frames),
             names: self.names,

@@ -6,7 +6,7 @@ use motorium_robots::{BasePose, Loaded, Model};
 /// A pose, and joints and base set apart from it.
 #[derive(Debug, Clone, clap::Args)]
 pub(in crate::commands::robot) struct PoseArgs {
-    /// A pose of the profile; its home if not given, zero without a profile
+    /// A pose of the profile [default: its home, or zero without a profile]
     #[arg(long)]
     pose: Option<String>,
     /// One position for every joint in order, or JOINT=POSITION for some; separated by commas

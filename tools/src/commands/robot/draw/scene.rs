@@ -19,7 +19,12 @@ pub(super) struct Scene {
 impl Scene {
     /// The robot as `kinematics` has placed it, in the colours of its links. Meshes of collision shapes are
     /// drawn as hulls.
-    pub(super) fn of(robot: &Loaded, kinematics: &Kinematics, colours: LinkColours, visual: bool) -> Self {
+    pub(super) fn from_robot(
+        robot: &Loaded,
+        kinematics: &Kinematics,
+        colours: LinkColours,
+        visual: bool,
+    ) -> Self {
         let model = &robot.model;
         let mut painter = Painter { colours, used: BTreeMap::new(), visual };
         let mut solids = Vec::new();
@@ -106,7 +111,7 @@ impl Painter {
             let place = self.used.entry(shape.link.clone()).or_default();
             let colour = self.colours.of_shape(&shape.link, *place, body);
             *place += 1;
-            if let Some(form) = Form::of(&shape.geometry, self.visual) {
+            if let Some(form) = Form::from_geometry(&shape.geometry, self.visual) {
                 solids.push(Solid { pose: pose * shape.placement, form, colour });
             }
         }

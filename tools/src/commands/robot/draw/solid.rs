@@ -39,7 +39,7 @@ pub(super) enum Form {
 impl Form {
     /// Of a shape, a mesh as its hull unless it is wanted `whole`; `None` for one that cannot be read or is
     /// flat.
-    pub(super) fn of(geometry: &Geometry, whole: bool) -> Option<Self> {
+    pub(super) fn from_geometry(geometry: &Geometry, whole: bool) -> Option<Self> {
         let Geometry::Mesh { path, inline, scale, .. } = geometry else {
             return Some(Self::Primitive(geometry.clone()));
         };
@@ -297,8 +297,8 @@ mod tests {
             inline: None,
             scale: Vector3::new(1.0, 1.0, 2.0),
         };
-        assert!(Form::of(&mesh(None), false).is_none());
-        let form = Form::of(&mesh(Some(path)), false).unwrap();
+        assert!(Form::from_geometry(&mesh(None), false).is_none());
+        let form = Form::from_geometry(&mesh(Some(path)), false).unwrap();
         let solid = Solid { pose: Isometry3::translation(5.0, 0.0, 0.0), form, colour: [1.0; 3] };
         let faces = solid.faces();
         assert_eq!(faces.len(), 4);

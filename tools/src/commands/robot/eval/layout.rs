@@ -31,7 +31,7 @@ const ROOT: &str = "root_joint";
 impl Layout {
     /// As `joints` of the document says: a list of names, or of tables with `name`, and perhaps `idx_q`,
     /// `nq`, `idx_v`. Without it, Pinocchio's: the base, then the joints in `order`.
-    pub(super) fn of(model: &Model, document: &Value, order: &[String]) -> anyhow::Result<Self> {
+    pub(super) fn from_document(model: &Model, document: &Value, order: &[String]) -> anyhow::Result<Self> {
         let mut entries = match &document["joints"] {
             Value::Null => usual(model, order),
             Value::Array(joints) => {

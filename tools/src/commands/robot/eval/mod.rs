@@ -38,8 +38,8 @@ pub(super) struct Eval {
     /// The states; `-` is standard input
     #[arg(long, value_name = "FILE")]
     states: PathBuf,
-    /// Jacobians, velocities and accelerations of this frame; may be repeated; default: `jacobian_frames` of
-    /// the states, or of all frames, if not given
+    /// Jacobians, velocities and accelerations of this frame; may be repeated [default: `jacobian_frames` of
+    /// the states, or all frames]
     #[arg(long, value_name = "LINK")]
     frame: Vec<String>,
     /// Largest relative difference that counts as agreement when results are compared
@@ -78,7 +78,8 @@ impl Eval {
     fn states(&self, robot: &Loaded, document: &Value) -> anyhow::Result<States> {
         let urdf = super::urdf_text::text(robot)?;
         let order = pinocchio_joint_order(&urdf);
-        let layout = Layout::of(&robot.model, document, &order).context("reading `joints` of the states")?;
+        let layout = Layout::from_document(&robot.model, document, &order)
+            .context("reading `joints` of the states")?;
         states::read(&robot.model, layout, document, &self.frame)
     }
 

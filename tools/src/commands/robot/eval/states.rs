@@ -99,7 +99,7 @@ fn configuration(model: &Model, layout: &Layout, case: &Value) -> anyhow::Result
                 .joint_index(name)
                 .with_context(|| format!("robot `{}` has no independent joint `{name}`", model.name()))?;
             q[offset + joint] =
-                value.as_f64().with_context(|| format!("the position of `{name}` is no number"))?;
+                value.as_f64().with_context(|| format!("the position of `{name}` is not a number"))?;
         }
         let theirs = layout.theirs(model, &q);
         return Ok((q, theirs));
