@@ -1,5 +1,6 @@
-//! Misses, refusals and safe states as events, found in the accounts that workers keep: at the launcher's own pace, off the
-//! path from wake-up to publication. In lockstep the pace is that of simulated time, so that equal runs tell the same.
+//! Events for misses, refusals and safe states, derived from the accounts of workers. The launcher polls them
+//! at its own pace, off the path from wake-up to publication. In lockstep the pace is in simulated time, so
+//! that equal runs give equal events.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -7,13 +8,13 @@ use super::{Event, Launch};
 use crate::plan::{ClockKind, Plan};
 use crate::region::{Command, ComponentBlock, GateState, Latch, Misses, Refusal, Region};
 
-/// Time between two events of one kind and component at first, and at last when it goes on, ns.
+/// Initial and final interval between repeated events of one kind and component, ns.
 const FIRST_QUIET_NS: u64 = 1_000_000_000;
 const LONGEST_QUIET_NS: u64 = 64_000_000_000;
 /// Simulated time between two looks in lockstep, ns.
 pub(super) const LOOK_NS: u64 = 100_000_000;
 
-/// The time at which something that goes on is to be told again: at once, then after pauses that double.
+/// Time of the next report of a persistent condition: immediately first, then after doubling intervals.
 #[derive(Debug, Clone, Default)]
 struct Pause {
     until_ns: u64,
@@ -21,12 +22,12 @@ struct Pause {
 }
 
 impl Pause {
-    /// True if a change is to be told at `now_ns`.
+    /// Returns `true` if a change is to be reported at `now_ns`.
     fn is_over(&mut self, now_ns: u64) -> bool {
         if now_ns < self.until_ns {
             return false;
         }
-        // It was quiet for as long as the last pause: this is something new.
+        // A quiet time as long as the last interval starts a new condition.
         let goes_on = now_ns < self.until_ns.saturating_add(self.length_ns);
         self.length_ns = if goes_on && self.length_ns > 0 {
             (self.length_ns * 2).min(LONGEST_QUIET_NS)
@@ -38,7 +39,7 @@ impl Pause {
     }
 }
 
-/// The value of a counter that was told.
+/// The last reported value of a counter.
 #[derive(Debug, Clone, Default)]
 struct Told<T> {
     count: T,
@@ -46,7 +47,7 @@ struct Told<T> {
 }
 
 impl<T: Clone + PartialEq> Told<T> {
-    /// The value that was told before, if the counter has changed since and that is to be told now.
+    /// Returns the previously reported value if the counter has changed and is to be reported now.
     fn change(&mut self, count: &T, now_ns: u64, all: bool) -> Option<T> {
         if self.count == *count || !(all || self.pause.is_over(now_ns)) {
             return None;
@@ -55,28 +56,30 @@ impl<T: Clone + PartialEq> Told<T> {
     }
 }
 
-/// The counters of one component that were told.
+/// Reported counters of one component.
 #[derive(Debug, Clone, Default)]
 struct Account {
     misses: Told<[u64; 3]>,
     refused: Told<[u64; Refusal::ALL.len()]>,
-    /// Entries into the safe state, and the state, as they were reported.
+    /// Reported entries into the safe state, and the reported state.
     entries: u64,
     state: GateState,
-    /// Safe states without rest and late resumes, as they were reported.
+    /// Reported safe states without rest and late resumes.
     faults: [u32; 2],
     /// Refusals at the last look.
     refusals_seen: u64,
-    /// Changes of its state that may still be told before a pause: a gate that flaps would push out all else.
+    /// Number of state changes that may be reported before a pause, so that a flapping gate does not displace
+    /// other events.
     changes_left: u32,
     refilled_ns: u64,
 }
 
-/// Changes of an actuator's state that are told in a row, and the time in which one more may be told, ns.
+/// Number of consecutive state changes of an actuator that are reported, and the time after which one more is
+/// allowed, ns.
 const CHANGES: u32 = 8;
 const REFILL_NS: u64 = 10_000_000_000;
 
-/// The counters of a run that were told.
+/// Reported counters of a run.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Accounts {
     components: Vec<Account>,
@@ -84,7 +87,7 @@ pub(super) struct Accounts {
 }
 
 impl Accounts {
-    /// Nothing of a run of this plan was told yet.
+    /// Creates the counters for a run of this plan, with nothing reported.
     pub(super) fn new(plan: &Plan) -> Self {
         let fresh = Account { changes_left: CHANGES, ..Account::default() };
         Self {
@@ -93,7 +96,7 @@ impl Accounts {
         }
     }
 
-    /// Simulated time begins anew: what was told lies before it.
+    /// Restarts simulated time: reported values precede it.
     pub(super) fn begin_episode(&mut self) {
         for account in &mut self.components {
             // The reset has set it to its safe state, without a command.
@@ -105,7 +108,7 @@ impl Accounts {
         self.latencies.iter_mut().for_each(|told| told.pause = Pause::default());
     }
 
-    /// Tells of what has changed; with `all` also of what a pause holds back.
+    /// Reports changes; with `all`, including those held back by a pause.
     pub(super) fn tell(
         &mut self,
         (plan, region): (&Plan, &Region),
@@ -182,7 +185,7 @@ impl Account {
         let times = entries.saturating_sub(self.entries);
         let followed = core::mem::replace(&mut self.state, state) != GateState::Safe;
         self.entries = entries;
-        // It came and went between two looks.
+        // It came and went between two polls.
         let since_ns = block.safe_since_ns.load(Relaxed);
         if !followed && times > 0 {
             observe(Event::LeftSafeState { component, before_ns: Some(since_ns), resuming: false });
