@@ -218,7 +218,8 @@ const GATE_FAULTS: [&str; 2] = [
     "has been resuming for more than 2 s: its command is too far away, or too fast for its limits",
 ];
 
-/// Safe states in which the joints were not at rest in time, and resumes that took too long.
+/// Returns the numbers of safe states in which joints did not come to rest in time, and of resumes that took
+/// too long.
 fn gate_faults(block: &ComponentBlock) -> [u32; 2] {
     [block.gate.unsettled(), block.gate.late_resumes()]
 }
@@ -235,13 +236,13 @@ fn cause(latch: Option<Latch>, is_end: bool, refuses: bool) -> &'static str {
 }
 
 impl Launch {
-    /// Tells of misses, refusals and safe states since the last call.
+    /// Reports misses, refusals and safe states since the last call.
     pub(super) fn tell_accounts(&mut self, now_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
         self.accounts.tell((&self.plan, &self.region), now_ns, false, observe);
     }
 
-    /// Notes for the report which actuators did not come to rest in their safe state, and which were late to follow their
-    /// commands again.
+    /// Records for the report which actuators did not come to rest in their safe state, and which were late
+    /// to follow commands again.
     pub(super) fn note_rest(&mut self) {
         for (component, block) in self.plan.components.iter().zip(self.region.components()) {
             let name = &component.name;
@@ -257,7 +258,7 @@ impl Launch {
         }
     }
 
-    /// The same in lockstep, when simulated time has come to a look.
+    /// The same in lockstep, when a poll is due in simulated time.
     #[inline]
     pub(super) fn tell_accounts_at(&mut self, simulated_ns: u64, observe: &mut dyn FnMut(Event<'_>)) {
         if simulated_ns >= self.next_account_ns {
@@ -266,7 +267,7 @@ impl Launch {
         }
     }
 
-    /// Tells of all that is left to tell, at the end of a run or of an episode.
+    /// Reports everything remaining at the end of a run or episode.
     pub(super) fn tell_last_accounts(&mut self, observe: &mut dyn FnMut(Event<'_>)) {
         let now_ns = match self.plan.clock {
             ClockKind::Realtime => crate::os::monotonic_ns(),
@@ -283,7 +284,7 @@ mod tests {
     const S: u64 = 1_000_000_000;
 
     #[test]
-    fn what_goes_on_is_told_after_pauses_that_double_and_at_once_after_a_quiet_time() {
+    fn persistent_condition_is_reported_with_back_off() {
         let mut pause = Pause::default();
         let told: Vec<u64> = (0..300).filter(|second| pause.is_over(second * S)).collect();
         assert_eq!(told, [0, 1, 3, 7, 15, 31, 63, 127, 191, 255]);
@@ -292,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn a_counter_is_told_when_it_has_changed_and_at_the_end_whatever_its_pause() {
+    fn counter_is_reported_on_change_and_at_the_end() {
         let mut told = Told::<u64>::default();
         assert_eq!(told.change(&0, S, false), None);
         assert_eq!(told.change(&3, S, false), Some(0));
@@ -302,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn an_actuator_that_flaps_is_told_of_a_few_times_and_then_now_and_then() {
+    fn flapping_actuator_is_rate_limited() {
         let mut account = Account { changes_left: CHANGES, ..Account::default() };
         let told = (0..60 * 50).filter(|look| account.may_tell(look * 20_000_000)).count();
         assert_eq!(told, CHANGES as usize + 5);
