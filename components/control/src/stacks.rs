@@ -49,11 +49,10 @@ pub struct StackSample {
     pub posture: f64,
 }
 
-/// A target that moves on a circle about the place of a frame: in the plane of y and z, it begins and ends at
-/// rest.
+/// A target that moves on a circle around a frame's position in the y-z plane, starting and ending at rest.
 fn circle(start: &Isometry3<f64>, radius: f64, period: f64, time: f64) -> (Isometry3<f64>, Twist) {
     let rate = std::f64::consts::TAU / period;
-    // it gathers speed over the first second
+    // accelerates over the first second
     let (phase, speed) = if time < 1.0 { (0.5 * time * time, time) } else { (time - 0.5, 1.0) };
     let (sin, cos) = (rate * phase).sin_cos();
     let place = Vector3::new(0.0, radius * sin, radius * (1.0 - cos));

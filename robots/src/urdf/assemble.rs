@@ -65,7 +65,7 @@ pub(crate) fn assemble(
     Ok(UrdfRobot { model, warnings })
 }
 
-/// For every joint of the file the first of its entries among the independent joints, where it has one.
+/// For every joint of the file, the first of its entries among the independent joints, if any.
 fn columns(robot: &Robot, structure: &Structure, follows: &[Option<Follow>]) -> Vec<Option<usize>> {
     let mut columns = vec![None; robot.joints.len()];
     let mut next = 0;
@@ -90,11 +90,11 @@ struct Assembly<'a> {
     file: Option<&'a Path>,
     packages: &'a PackagePath,
     shapes: ShapeSource,
-    /// Body and placement in it, for every link added so far.
+    /// Body and pose in it of every link added so far.
     places: Vec<Option<(Option<usize>, Isometry3<f64>)>>,
-    /// For every link the one that carries it.
+    /// Carrying link of every link.
     parents: Vec<Option<usize>>,
-    /// For every link added so far its frame.
+    /// Frame of every link added so far.
     of_links: Vec<Option<usize>>,
     bodies: Vec<Body>,
     frames: Vec<Frame>,
@@ -148,7 +148,7 @@ impl Assembly<'_> {
         self.add_link(edge.child, Some(self.bodies.len() - 1), Isometry3::identity())
     }
 
-    /// The root's floating joint: its child becomes the base, what stands above it belongs to the world.
+    /// Floating joint of the root: its child becomes the base, links above it belong to the world.
     fn add_floating(
         &mut self,
         edge: &Edge,

@@ -1,4 +1,4 @@
-//! Defects that real robots' files have and that do not keep them from loading.
+//! Defects of real robots' files that do not prevent loading.
 
 use crate::Position;
 
@@ -49,7 +49,7 @@ pub enum ModelWarning {
         /// The one position \[rad or m\].
         value: f64,
     },
-    /// A range of a joint that turns of several turns, as degrees give it.
+    /// The range of a revolute joint spans several turns, as if given in degrees.
     #[error(
         "joint \"{joint}\": limits {lower} to {upper} rad are {:.0} turns; URDF has radians: if these are degrees, write {:.4} \
          to {:.4}", (.upper - .lower) / core::f64::consts::TAU, .lower.to_radians(), .upper.to_radians()
@@ -86,7 +86,7 @@ pub enum ModelWarning {
         /// Length found.
         length: f64,
     },
-    /// A transmission that names a joint nobody defines.
+    /// The transmission refers to an undefined joint.
     #[error("transmission \"{transmission}\": its joint \"{joint}\" does not exist; ignored")]
     TransmissionJoint {
         /// The transmission.
@@ -106,12 +106,12 @@ pub enum ModelWarning {
         /// Actuators it names.
         actuators: usize,
     },
-    /// Something that changes the motion of an MJCF robot in MuJoCo and that no model contains.
+    /// An MJCF element that changes the motion in MuJoCo but is not part of a model.
     #[error("{what} ignored (line {}, column {}{}): {reason}", .at.line, .at.column, in_all(*.count))]
     Ignored {
         /// An attribute and its element, or an element and its section.
         what: String,
-        /// Place in the file of the first.
+        /// Position of the first one in the file.
         at: Position,
         /// Count in the file.
         count: usize,
@@ -189,7 +189,7 @@ pub enum ModelWarning {
     },
 }
 
-/// A defect that several links or joints may have.
+/// A defect that several links or joints may share.
 struct Shared<'w> {
     /// `link` or `joint`.
     part: &'static str,
@@ -294,7 +294,7 @@ impl ModelWarning {
     }
 }
 
-/// A moment of inertia in digits that people read.
+/// Formats a moment of inertia with readable digits.
 fn moment(value: f64) -> String {
     let readable = value == 0.0 || (1e-6..1e9).contains(&value.abs());
     if readable { value.to_string() } else { format!("{value:.1e}") }
@@ -308,7 +308,7 @@ fn searched(uri: &str, tried: &[std::path::PathBuf]) -> String {
     if tried.is_empty() {
         return String::new();
     }
-    // Without a name a path stands for the folder of the program.
+    // Without a name, a path means the program's folder.
     let shown = |path: &std::path::PathBuf| match path.display().to_string() {
         path if path.is_empty() => ".".to_owned(),
         path => path,

@@ -1,4 +1,5 @@
-//! The head of a control block: the commands of the launcher, the phases of components, the latches of a run, its episode.
+//! The head of a control block: the commands of the launcher, the phases of components, the latches of a run,
+//! its episode.
 
 use std::sync::atomic::Ordering::{AcqRel, Acquire, Relaxed, Release};
 use std::sync::atomic::{AtomicU32, AtomicU64};
@@ -77,7 +78,8 @@ pub struct Header {
     pub launcher: AtomicU32,
     /// Process id of the guard.
     pub guard: AtomicU32,
-    /// The latches of the run, as flags. Written by the commands `stop --now` and `resume` and by command gates.
+    /// The latches of the run, as flags. Written by the commands `stop --now` and `resume` and by command
+    /// gates.
     latch: AtomicU32,
     /// Number of times that `resume` released the latches.
     resumes: AtomicU32,
@@ -115,8 +117,8 @@ impl Header {
         &self.command
     }
 
-    /// Orders a command of all workers. Commands only rise: a safe stop is never taken back, and a late one, of a
-    /// component or the guard, takes back no stop.
+    /// Orders a command of all workers. Commands only rise: a safe stop is never taken back, and a late one,
+    /// of a component or the guard, takes back no stop.
     pub fn order(&self, command: Command) {
         self.command.fetch_max(command as u32, AcqRel);
         crate::os::futex_wake(&self.command);

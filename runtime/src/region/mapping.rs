@@ -203,8 +203,8 @@ impl Region {
     /// The header.
     #[inline]
     pub fn header(&self) -> &Header {
-        // SAFETY: the mapping is page-aligned and at least a header long (checked when it was made or opened);
-        // a header is all atomics, valid for any bytes and shareable between processes.
+        // SAFETY: the mapping is page-aligned and at least a header long (checked when it was made or
+        // opened); a header is all atomics, valid for any bytes and shareable between processes.
         unsafe { &*self.memory.as_ptr().cast::<Header>() }
     }
 

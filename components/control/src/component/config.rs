@@ -59,8 +59,8 @@ pub struct QpControllerConfig {
     /// Tikhonov regularisation of the joint velocity, 1/(rad/s)^2, 1e-12 to 1, of all levels without one of
     /// their own. Default 1e-7.
     pub damping: f64,
-    /// Age from which a joint state is not acted upon: nothing is commanded then, and the drives go to their
-    /// safe state. Default 10 ms.
+    /// Maximum age of the joint state. Beyond it nothing is commanded, and the drives enter their safe state.
+    /// Default 10 ms.
     pub state_timeout: TimeSpan,
     /// Age beyond which a target is treated as stationary. Default 50 ms.
     pub target_timeout: TimeSpan,

@@ -6,11 +6,10 @@ use nalgebra::{Matrix3xX, Vector2};
 use super::{LimitRows, RowLimit};
 use crate::RobotState;
 
-/// The point that a [`SupportLimit`] keeps above the support.
+/// Point kept above the support by a [`SupportLimit`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Supported {
-    /// The centre of mass, which may cover this share of what is left of the way to an edge per second
-    /// \[1/s\].
+    /// Centre of mass, which may cover this fraction of the remaining distance to an edge per second \[1/s\].
     CentreOfMass(f64),
     /// The capture point `c + c' / o`, with `o = sqrt(gravity / h)` and the height `h` of the centre of mass
     /// above the ground: the robot can always come to rest without a step.
@@ -58,7 +57,7 @@ pub struct SupportLimit {
 }
 
 impl SupportLimit {
-    /// A limit for `model` on at most `most` points, without a support: it does not bound.
+    /// Creates a limit for `model` with up to `most` support points. Without a support it does not bound.
     pub fn new(model: &Model, most: usize, supported: Supported) -> Self {
         Self {
             supported,
@@ -78,11 +77,11 @@ impl SupportLimit {
         self
     }
 
-    /// Sets the points of the support \[m, x and y of the world\] in any order. Fewer than three, or points
-    /// in one line, do not bound. It allocates nothing.
+    /// Sets the points of the support \[m, x and y of the world\] in any order. Fewer than three points, or
+    /// collinear points, do not bound. Does not allocate.
     ///
     /// # Panics
-    /// If there are more points than it was made for.
+    /// If there are more points than the capacity.
     pub fn set_support(&mut self, points: &[Vector2<f64>]) {
         assert!(points.len() <= self.most, "{} points of a support of {}", points.len(), self.most);
         self.points.clear();
@@ -100,7 +99,7 @@ impl SupportLimit {
         }
     }
 
-    /// Outward normals of the edges, and their places along them \[m\].
+    /// Outward normals of the edges, and their offsets \[m\].
     pub fn edges(&self) -> &[(Vector2<f64>, f64)] {
         &self.edges
     }

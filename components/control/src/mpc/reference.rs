@@ -1,4 +1,4 @@
-//! The motion that a planner asks for.
+//! Reference motion of a planner.
 
 use std::f64::consts::PI;
 
@@ -15,7 +15,7 @@ pub struct PlanarVelocity {
     pub yaw_rate: f64,
 }
 
-/// The wanted motion of a centre of mass: it follows a velocity within an acceleration, at a height above the
+/// Reference motion of a centre of mass: follows a velocity with limited acceleration at a height above the
 /// ground.
 ///
 /// ```
@@ -40,7 +40,7 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// At rest at the origin, at this height above the ground \[m\].
+    /// Creates a reference at rest at the origin, at this height above the ground \[m\].
     pub fn new(height: f64) -> Self {
         let place = Vector2::zeros();
         Self {
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_arc_is_what_many_small_steps_along_it_sum_up_to() {
+    fn arc_equals_the_sum_of_small_steps() {
         let mut reference = Reference::new(0.3);
         reference.begin(&Vector3::new(1.0, 2.0, 0.0), 0.7);
         let wanted = PlanarVelocity { linear: Vector2::new(0.4, -0.2), yaw_rate: 0.9 };
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_gains_speed_within_its_acceleration_and_waits_for_who_falls_behind() {
+    fn reference_limits_acceleration_and_lead() {
         let mut reference = Reference::new(0.3);
         let wanted = PlanarVelocity { linear: Vector2::new(0.6, 0.8), yaw_rate: -2.0 };
         reference.follow(&wanted, 2.0, 0.1);

@@ -89,7 +89,7 @@ pub struct CartesianTask {
     error: Vector6<f64>,
     position_error: f64,
     orientation_error: f64,
-    /// The correction of the error as the rows see it: `c`, or `S'S c`.
+    /// Correction of the error in terms of the rows: `c`, or `S'S c`.
     pull: Vector6<f64>,
     desired: Vector6<f64>,
     jacobian: Matrix6xX<f64>,
@@ -151,8 +151,8 @@ impl CartesianTask {
         &self.target
     }
 
-    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of the frame, or those of the
-    /// shares without what is free.
+    /// `e` at the last update: linear \[m\], angular \[rad\], in the axes of the frame, or of the shares
+    /// without free directions.
     pub fn error(&self) -> &Vector6<f64> {
         &self.error
     }
@@ -167,8 +167,8 @@ impl CartesianTask {
         self.orientation_error
     }
 
-    /// `A` at the last update, 6 x nv: the error's own rate of change is `-A v` for a target at rest; with
-    /// shares that of `S e`.
+    /// `A` at the last update, 6 x nv. The error changes at the rate `-A v` for a target at rest; with
+    /// shares, `S e` does.
     pub fn jacobian(&self) -> &Matrix6xX<f64> {
         &self.jacobian
     }
@@ -207,7 +207,7 @@ impl CartesianTask {
     fn update_axes(&mut self, state: &RobotState<'_>, pose: &Isometry3<f64>, shares: &AxisShares) {
         let Twist { linear, angular } = self.feed_forward;
         let from_world = shares.world_to_axes(pose, &self.target);
-        // what is free counts for the motion of the axes, too
+        // free directions also affect the motion of the axes
         let place = from_world * (self.target.translation.vector - pose.translation.vector);
         let turn = from_world * so3::log(&(self.target.rotation * pose.rotation.inverse()));
         let (counted_place, counted_turn) = shares.error(pose, &self.target);

@@ -19,8 +19,8 @@ pub struct GazeSettings {
     pub weight: f64,
     /// Largest angular speed at which the error is corrected \[rad/s\]. Default infinite.
     pub max_speed: f64,
-    /// Levenberg-Marquardt damping per speed of correction \[s/rad\]: keeps the robot calm where it cannot
-    /// look at the point, and vanishes when it does. Default 5e-3.
+    /// Levenberg-Marquardt damping per correction speed \[s/rad\]. Prevents oscillation if the robot cannot
+    /// look at the target, and vanishes when it does. Default 5e-3.
     pub damping: f64,
 }
 
@@ -82,7 +82,7 @@ pub struct GazeTask {
 }
 
 impl GazeTask {
-    /// A task for an axis of `frame`, given in the frame's own axes, with the world's origin as target.
+    /// Creates a task for an axis of `frame`, given in the frame's axes, with the world's origin as target.
     pub fn new(model: &Model, frame: FrameId, axis: Unit<Vector3<f64>>) -> Self {
         Self {
             settings: GazeSettings::default(),

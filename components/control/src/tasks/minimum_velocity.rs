@@ -38,10 +38,10 @@ impl MinimumVelocityTask {
         self.weight = weight;
     }
 
-    /// Sets `v*`, an entry for each velocity.
+    /// Sets `v*`, one entry per velocity.
     ///
     /// # Panics
-    /// If it has another length.
+    /// If the length differs.
     pub fn set_target(&mut self, velocity: &[f64]) {
         self.cost.desired_mut().copy_from_slice(velocity);
     }
@@ -51,10 +51,10 @@ impl MinimumVelocityTask {
         self.cost.desired_mut().fill(0.0);
     }
 
-    /// Sets the factor of the weight of one velocity; zero leaves it free.
+    /// Sets the weight factor of one velocity; zero leaves it free.
     ///
     /// # Panics
-    /// If there is no such velocity.
+    /// If the velocity does not exist.
     pub fn set_share(&mut self, velocity: usize, share: f64) {
         self.shares[velocity] = share;
     }

@@ -41,7 +41,7 @@ use crate::{RobotState, solver::Problem};
 
 /// A cost on the joint velocity `v` \[rad/s or m/s\]: `1/2 |W (A v - b)|^2`, convex and finite for every `v`.
 pub trait Task {
-    /// Number of rows of `A`, the most that it ever has.
+    /// Maximum number of rows of `A`.
     fn rows(&self) -> usize;
 
     /// Evaluates error, `A` and `b` at this state.

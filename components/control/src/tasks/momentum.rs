@@ -27,7 +27,7 @@ pub struct MomentumTask {
 }
 
 impl MomentumTask {
-    /// A task for the angular momentum of `model`, which is to be zero, with weight 1.
+    /// Creates a task that drives the angular momentum of `model` to zero, with weight 1.
     pub fn angular(model: &Model) -> Self {
         Self {
             target: Momentum { linear: Vector3::zeros(), angular: Vector3::zeros() },

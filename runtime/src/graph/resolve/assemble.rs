@@ -33,7 +33,7 @@ pub(super) struct Parts<'g, 'i> {
 }
 
 impl Parts<'_, '_> {
-    /// The plan; `None` if a part is missing, which only a graph with errors has.
+    /// Returns the plan; `None` if a part is missing, which happens only for a graph with errors.
     pub(super) fn assemble(self, graph: &GraphTable<'_>, context: &Context<'_>) -> Option<Plan> {
         let Name(name) = good(&graph.name)?.clone();
         let seed = good_or(&graph.seed, defaults::SEED);
@@ -116,7 +116,7 @@ impl Parts<'_, '_> {
         let written = self.written(topic)?;
         let readers: Vec<usize> =
             self.wiring.of_topic(topic, Direction::Input).map(|wire| wire.component).collect();
-        // every reader gets as much room as the one that wants most
+        // every reader gets the capacity of the most demanding one
         let wanted = self.wiring.of_topic(topic, Direction::Input).filter_map(|wire| {
             self.drafts[wire.component].ports(Direction::Input).nth(wire.index?)?.pattern.capacity()
         });

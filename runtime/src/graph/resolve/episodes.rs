@@ -1,4 +1,4 @@
-//! Episodes: whether all components of a graph can be reset, and who ends an episode.
+//! Checks of episodes: every component can be reset, and something ends an episode.
 
 use super::Draft;
 use crate::graph::defaults;

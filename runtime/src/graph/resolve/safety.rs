@@ -17,7 +17,7 @@ use crate::plan::{Activation, GateRules, SafetyPlan};
 use crate::state::{JointCommand, StateBuffer as _};
 use crate::units::TimeSpan;
 
-/// Longest time that a component may be given to stop.
+/// Maximum time allowed for stopping a component.
 const LONGEST_STOP: TimeSpan = TimeSpan { ns: 60_000_000_000 };
 
 /// Resolves the `[safety]` table and checks it, the restart policies and the duration.
@@ -84,7 +84,8 @@ pub(super) fn resolve(
     }
 }
 
-/// The longest sum of the periods of the components through which a measurement becomes an actuator's command, ns.
+/// The longest sum of the periods of the components through which a measurement becomes an actuator's
+/// command, ns.
 fn chains_ns(drafts: &[Draft<'_, '_>], wiring: &Wiring, timing: &Timing, causes: &[Option<usize>]) -> u64 {
     let mut longest = 0;
     for (component, draft) in drafts.iter().enumerate() {
@@ -119,7 +120,8 @@ fn not_zero(key: &str, at: Option<&At<TimeSpan>>, why: &str, report: &mut Report
     }
 }
 
-/// Commands that come more slowly than they grow stale hold the robot in its safe state half of the time.
+/// Warns of commands that are slower than their maximum age: they would hold the robot in its safe state half
+/// of the time.
 fn stale_commands(
     stale_after: TimeSpan,
     at: Option<&At<TimeSpan>>,
@@ -171,7 +173,7 @@ fn stale_commands(
     }
 }
 
-/// A `[safety]` table in a graph that moves nothing.
+/// Warns of a `[safety]` table in a graph without actuators.
 fn no_actuator(graph: &GraphTable<'_>, drafts: &[Draft<'_, '_>], report: &mut Report) {
     let Some(safety) = &graph.safety else { return };
     let known = drafts.iter().all(|draft| draft.declaration.is_some());

@@ -7,19 +7,19 @@ use super::rounds::POOR;
 use super::working_set::NO_RATE;
 use crate::solver::{Conflict, Problem, SolveError};
 
-/// Share of the sizes of their values by which constraints disagree that is more than rounding.
+/// Relative disagreement of constraints that exceeds rounding.
 const CONFLICT: f64 = 1e-9;
-/// Multiple of the numbers of the first minimum, and of one, within which a certificate rules every `x` out
-/// whose variables have no bounds.
+/// Multiple of the magnitude of the first minimum (at least one) within which a certificate must exclude
+/// every `x` for unbounded variables.
 const FAR: f64 = 1e6;
-/// Multiple of the same beyond which a minimum is not looked for where the constraint that leads there is
-/// nearly a combination of members: the square of the share that is left of it.
+/// Multiple of the same magnitude beyond which no minimum is sought if the constraint is nearly a combination
+/// of members: squared relative remainder.
 const OUT_OF_REACH: f64 = 1e4;
 const NEARLY: f64 = 1e-6;
 
 impl Run<'_> {
-    /// The conflict between a constraint, the last that was examined, and the members that it depends on.
-    /// `sign` is that of the side which is violated, 0 for an equality.
+    /// Conflict between the last examined constraint and the members on which it depends. `sign` is the
+    /// violated side, 0 for an equality.
     #[inline(always)]
     pub(super) fn infeasible<F: Arithmetic>(
         &mut self,
@@ -54,7 +54,8 @@ impl Run<'_> {
         }
     }
 
-    /// True if the numbers of the problem prove the contradiction, whatever the condition of its Hessian.
+    /// Returns `true` if the problem data prove the contradiction, independently of the condition of the
+    /// Hessian.
     ///
     /// With the normal `a = N r + e` and shares `r` of the members whose signs press against the constraint,
     /// every `x` that satisfies the members has `a x` beyond `r b + e x`: that is beyond the value by the gap
@@ -67,7 +68,7 @@ impl Run<'_> {
         let working = &mut self.work.working;
         let (mut implied, mut size) = (0.0, value.abs());
         for (member, r) in working.members.iter().zip(&mut working.projection) {
-            // one that presses the other way has no part in it but rounding
+            // a member of the opposite sign contributes rounding only
             if member.sign != 0.0 && (sign == 0.0 || sign * *r * member.sign > 0.0) {
                 *r = 0.0;
             }

@@ -1,7 +1,7 @@
 //! Inner loops of the dense linear algebra, over rows padded to whole vectors of four numbers.
 //!
-//! All of them are inlined into one function that is compiled for the widest instructions at hand
-//! ([`pulp::Arch`]). Closures are not, so nothing that takes long stands in one.
+//! All of them are inlined into one function compiled for the widest available instructions ([`pulp::Arch`]).
+//! Closures are not, so they contain no expensive code.
 
 /// Numbers in one vector: the leading dimensions are multiples of it.
 pub(super) const LANES: usize = 4;
@@ -18,7 +18,7 @@ pub(super) trait Arithmetic: Copy {
     fn multiply_add(a: f64, b: f64, c: f64) -> f64;
 }
 
-/// One rounding, by an instruction of the processor.
+/// One rounding, by a processor instruction.
 #[derive(Clone, Copy)]
 pub(super) struct Fused;
 
@@ -100,8 +100,8 @@ pub(super) fn add_scaled<F: Arithmetic>(factor: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// A lower triangular matrix by rows: what stands below the diagonal, the diagonal and its reciprocals.
-/// Beyond the diagonal the rows are zero, up to whole vectors.
+/// A lower triangular matrix by rows: entries below the diagonal, the diagonal and its reciprocals. Beyond
+/// the diagonal the rows are zero, padded to whole vectors.
 #[derive(Clone, Debug)]
 pub(super) struct Lower {
     pub(super) size: usize,

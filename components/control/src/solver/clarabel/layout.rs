@@ -24,10 +24,10 @@ pub(super) struct Layout {
     inequalities: Vec<Constraint>,
     /// For each variable, the rows of its bounds, ascending.
     bounds_of: Vec<[Option<usize>; 2]>,
-    /// Number of inequalities that are sides of `G`; they come first.
+    /// Number of inequalities that are sides of `G`, which come first.
     row_sides: usize,
     cones: Vec<FrictionCone>,
-    /// For each variable, its row in a cone, and true for the normal.
+    /// For each variable, its row in a cone, and `true` for the normal.
     cone_row: Vec<Option<(usize, bool)>>,
 }
 
@@ -72,7 +72,7 @@ impl Layout {
         self.variables
     }
 
-    /// Number of rows of equalities and inequalities; those of the cones come after them.
+    /// Number of rows of equalities and inequalities, before those of the cones.
     pub(super) fn linear_count(&self) -> usize {
         self.equalities + self.inequalities.len()
     }
@@ -190,7 +190,7 @@ impl Layout {
         }
     }
 
-    /// Undoes the scaling and sorts the multipliers back to where they belong.
+    /// Undoes the scaling and maps the multipliers back to the problem.
     pub(super) fn read(&self, found: &DefaultSolution<f64>, scaling: &Scaling, solution: &mut Solution) {
         for (x, (found, d)) in solution.x.iter_mut().zip(found.x.iter().zip(&scaling.variable)) {
             *x = scaling.length * d * found;

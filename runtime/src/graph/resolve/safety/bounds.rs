@@ -1,4 +1,4 @@
-//! Times of the `[safety]` table that protect nothing, or no one.
+//! Bounds of the times in the `[safety]` table.
 
 use crate::graph::diagnostic::Report;
 use crate::graph::model::SafetyTable;
@@ -12,12 +12,12 @@ const SECOND: u64 = 1_000 * MILLISECOND;
 const LONGEST: TimeSpan = TimeSpan { ns: 10 * SECOND };
 /// A `stale_after` from which a robot moves far on a dead controller's last command.
 const LONG: TimeSpan = TimeSpan { ns: 200 * MILLISECOND };
-/// A `settle` in which no arm comes to rest.
+/// A `settle` time too short for an arm to come to rest.
 const SHORT_SETTLE: TimeSpan = TimeSpan { ns: 20 * MILLISECOND };
 /// The longest `settle` that is accepted.
 const LONGEST_SETTLE: TimeSpan = TimeSpan { ns: 60 * SECOND };
 
-/// Refuses and warns of times that mean nothing.
+/// Rejects meaningless times and warns of doubtful ones.
 pub(super) fn check(table: &SafetyTable, stale_after: TimeSpan, chains_ns: u64, report: &mut Report) {
     let ages = [("stale_after", &table.stale_after), ("source_stale_after", &table.source_stale_after)];
     for (key, at) in ages {
