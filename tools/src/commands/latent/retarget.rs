@@ -29,25 +29,19 @@ pub(super) struct Retarget {
     /// Samples a second, of files without times
     #[arg(long, value_name = "HZ")]
     rate: Option<f64>,
-    /// Limb of the human and its joints, NAME=FROM:TO; may be repeated [default: arms and hands in CMU's names]
+    /// Limb of the human by its joints, NAME=FROM:TO; may be repeated [default: CMU's arms]
     #[arg(long, value_name = "LIMB", value_parser = limb)]
     body: Vec<Limb>,
-    /// Joint of the human in whose frame directions are
-    #[arg(long, value_name = "JOINT", default_value = "thorax")]
-    trunk: String,
-    /// Forward axis of the human's rest pose
-    #[arg(long, value_name = "AXIS", default_value = "z")]
-    forward: Axis,
-    /// Upward axis of the human's rest pose
-    #[arg(long, value_name = "AXIS", default_value = "y")]
-    up: Axis,
+    /// Joint in whose frame directions are, and its axes forward and up in the rest pose
+    #[arg(long, value_name = "JOINT,AXIS,AXIS", default_value = "thorax,z,y", value_parser = trunk)]
+    trunk: Trunk,
     /// The robot
     #[arg(long, add = crate::complete::robots())]
     robot: String,
     /// Roll, pitch and yaw of the robot's base, rad
     #[arg(long, value_name = "R,P,Y", value_parser = angles, allow_hyphen_values = true)]
     base_rpy: Option<[f64; 3]>,
-    /// Limb of the robot and its frames, NAME=FROM:TO, NAME of a limb of the human; may be repeated
+    /// Limb of the robot by its frames, NAME=FROM:TO; may be repeated
     #[arg(long, value_name = "LIMB", value_parser = limb, required = true)]
     limb: Vec<Limb>,
     /// Write every Nth sample
@@ -64,21 +58,23 @@ pub(super) struct Retarget {
     json: bool,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Axis {
-    X,
-    Y,
-    Z,
-}
-
-impl Axis {
-    fn vector(self) -> Vector3<f64> {
-        match self {
-            Axis::X => Vector3::x(),
-            Axis::Y => Vector3::y(),
-            Axis::Z => Vector3::z(),
+fn trunk(text: &str) -> Result<Trunk, String> {
+    let axis = |name: &str| match name {
+        "x" => Some(Vector3::x()),
+        "y" => Some(Vector3::y()),
+        "z" => Some(Vector3::z()),
+        _ => None,
+    };
+    let parts: Vec<&str> = text.split(',').collect();
+    let parsed = match parts[..] {
+        [joint, forward, up] if !joint.is_empty() && forward != up => {
+            axis(forward).zip(axis(up)).map(|axes| (joint, axes))
         }
-    }
+        _ => None,
+    };
+    let (joint, (forward, up)) =
+        parsed.ok_or_else(|| "expected a joint and two different axes, such as thorax,z,y".to_string())?;
+    Ok(Trunk { joint: joint.to_string(), forward, up })
 }
 
 fn limb(text: &str) -> Result<Limb, String> {
@@ -142,8 +138,7 @@ impl Retarget {
         };
         let Some(skeleton) = skeleton else { return Ok(take) };
         let body = if self.body.is_empty() { arms() } else { self.body.clone() };
-        let (forward, up) = (self.forward.vector(), self.up.vector());
-        Ok(skeleton.directions(&take, &Trunk { joint: self.trunk.clone(), forward, up }, &body)?)
+        Ok(skeleton.directions(&take, &self.trunk, &body)?)
     }
 
     pub(super) fn run(self) -> anyhow::Result<ExitCode> {
