@@ -1,5 +1,7 @@
 //! `motorium latent`: latent spaces shared by a human and robots.
 
+mod retarget;
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -9,7 +11,8 @@ use serde_json::{Value, json};
 
 use crate::out::outln;
 
-/// Latent spaces that a human and robots share: train one, show it, add robots, measure errors.
+/// Latent spaces that a human and robots share: train one, show it, add robots, measure errors,
+/// and find a robot's poses for a human's.
 ///
 /// Example: motorium latent train poses --output arms.latent && motorium latent transfer arms.latent --data
 /// poses --robot coman
@@ -24,6 +27,7 @@ enum Command {
     Train(Train),
     Show(Show),
     Transfer(Transfer),
+    Retarget(Box<retarget::Retarget>),
     Evaluate(Evaluate),
 }
 
@@ -33,6 +37,7 @@ impl Latent {
             Command::Train(command) => command.run(),
             Command::Show(command) => command.run(),
             Command::Transfer(command) => command.run(),
+            Command::Retarget(command) => command.run(),
             Command::Evaluate(command) => command.run(),
         }
     }

@@ -19,6 +19,7 @@
 
 mod back;
 mod evaluate;
+mod experiment;
 mod file;
 mod infer;
 mod model;
@@ -28,6 +29,7 @@ mod train;
 
 pub use back::BackForm;
 pub use evaluate::{MethodError, compare};
+pub use experiment::{Estimate, FewPoses, TransferResult, few_poses, transfer_and_training};
 pub use file::{FileError, VERSION};
 pub use infer::Scratch;
 pub use model::{LatentModel, Transferred};

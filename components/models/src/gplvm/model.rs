@@ -116,6 +116,25 @@ impl LatentModel {
         self.back.as_ref().map(|back| &self.spaces[back.space])
     }
 
+    /// The model at its first poses only, with the same latent points, hyperparameters and back constraint: a robot of which
+    /// only these poses are known can be added.
+    ///
+    /// # Errors
+    /// When the number of poses is out of range.
+    pub fn at_first_poses(&self, poses: usize) -> Result<Self, LatentError> {
+        if poses == 0 || poses > self.poses() {
+            let expected = format!("1 to {}", self.poses());
+            return Err(LatentError::Setting {
+                setting: "number of poses",
+                found: poses.to_string(),
+                expected,
+            });
+        }
+        let points = Points::from_rows(&self.latent()[..poses * self.latents()], self.latents());
+        let spaces = self.spaces.iter().map(|space| space.at_first_poses(poses)).collect();
+        Self::assemble(points, spaces, self.back.clone())
+    }
+
     /// Adds a robot with the latent and all other spaces fixed. Three starts: the hyperparameters of the last space; the
     /// latent's standard deviations as length scales with noise 0.01; these divided by e with noise 0.1. Where the latent
     /// is the pose itself ([`BackForm::Pose`]), the latter two are longer by the root of the number of its dimensions.

@@ -85,6 +85,12 @@ impl Space {
         Ok(Self { name, columns, mean, scale, kernel, noise: 0.01, targets })
     }
 
+    pub(super) fn at_first_poses(&self, poses: usize) -> Self {
+        let columns = self.targets.chunks(self.poses());
+        let targets = columns.flat_map(|column| &column[..poses]).copied().collect();
+        Self { targets, ..self.clone() }
+    }
+
     /// Number of columns.
     pub fn dimensions(&self) -> usize {
         self.mean.len()

@@ -1,7 +1,8 @@
 //! Shared latent spaces against GPy, and on synthetic arms.
 
 use motorium_models::gplvm::{
-    BackForm, FileError, LatentError, LatentModel, Poses, Settings, SpaceData, compare,
+    BackForm, FileError, LatentError, LatentModel, Poses, Settings, SpaceData, compare, few_poses,
+    transfer_and_training,
 };
 
 use crate::golden::{assert_close, numbers, read};
@@ -98,12 +99,33 @@ fn default_and_direct(human: &Poses, robot: &Poses, folds: usize) -> [(f64, f64)
     })
 }
 
+fn poses(name: &str, columns: usize, phase: f64) -> Poses {
+    let values = arm(columns, phase, 0..60);
+    Poses { name: name.into(), columns: (0..columns).map(|c| format!("joint{c}")).collect(), values }
+}
+
+#[test]
+fn experiments_compare_transfer_with_training_and_with_few_poses() {
+    let (human, source, robot) = (poses("human", 6, 0.3), poses("first", 4, 1.1), poses("second", 5, 2.0));
+    for (space, form) in [("human", BackForm::Pose), ("first", BackForm::Kernel)] {
+        let settings = Settings { back: Some((space.to_string(), form)), ..settings(None) };
+        let found = transfer_and_training(&human, &source, &robot, &settings, 3).expect("a result");
+        let (transferred, trained) = (found.transferred, found.trained);
+        assert!(transferred.mean < 2.0 * trained.mean && trained.error > 0.0, "{found:?}");
+        assert!(found.transfer_seconds.mean > 0.0 && found.training_seconds.mean > 0.0);
+    }
+    let few = few_poses(&human, &source, &robot, &Settings::default(), &[6, 40], 2).expect("errors");
+    let names: Vec<_> = few[0].errors.iter().map(|(name, _)| *name).collect();
+    assert_eq!(names, ["transferred", "alone", "gaussian_process", "ridge", "nearest", "mean"]);
+    for method in [0, 1, 2, 4] {
+        assert!(few[1].errors[method].1.mean < few[0].errors[method].1.mean, "{few:?}");
+    }
+    let error = few_poses(&human, &source, &robot, &Settings::default(), &[49], 2).expect_err("too many");
+    assert_eq!(error.to_string(), "poses of the robot is 49, expected 2 to 48");
+}
+
 #[test]
 fn the_default_is_as_good_as_a_direct_process() {
-    let poses = |name: &str, columns: usize, phase: f64| {
-        let values = arm(columns, phase, 0..60);
-        Poses { name: name.into(), columns: (0..columns).map(|c| format!("joint{c}")).collect(), values }
-    };
     let [latent, direct] = default_and_direct(&poses("human", 6, 0.3), &poses("first", 4, 1.1), 3);
     assert!(latent.0 <= direct.0 + direct.1, "{latent:?} and {direct:?}");
 }
