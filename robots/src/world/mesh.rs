@@ -13,6 +13,9 @@ use crate::{Geometry, MeshError, TriangleMesh, TriangleSurface, VolumeProperties
 /// Corners of a convex part of a mesh, at most.
 const MOST_CORNERS: usize = 64;
 
+/// Corners of the convex hull of a mesh, at most.
+const MOST_HULL_CORNERS: usize = 4096;
+
 /// Convex parts of a mesh, at most.
 const MOST_PARTS: usize = 64;
 
@@ -56,7 +59,7 @@ pub struct MeshShape {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum MeshCollision {
-    /// Convex hull of at most 64 corners.
+    /// Convex hull of at most 4096 corners.
     #[default]
     Hull,
     /// This number (1 to 64) of convex parts at most, of at most 64 corners each, which together cover the
@@ -170,7 +173,7 @@ impl MeshBody {
         let of_hull = || mesh.hull(usize::MAX).and_then(|hull| hull.volume_properties());
         let properties = closed.or_else(of_hull);
         let parts = match collision {
-            MeshCollision::Hull => mesh.convex_parts(1, MOST_CORNERS),
+            MeshCollision::Hull => mesh.convex_parts(1, MOST_HULL_CORNERS),
             MeshCollision::Parts(parts) => mesh.convex_parts(parts.clamp(1, MOST_PARTS), MOST_CORNERS),
             MeshCollision::Triangles => Vec::new(),
         };
