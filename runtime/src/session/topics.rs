@@ -79,16 +79,8 @@ impl TopicWriter<'_> {
     }
 }
 
-/// Opens an output of a topic, and the connection to be made before it is used.
-trait OpenOutput:
-    FnOnce(&Participant, OutputPlace<'_>) -> Result<(Box<dyn Any>, Option<Rc<dyn Connect>>), PortError>
-{
-}
-
-impl<F> OpenOutput for F where
-    F: FnOnce(&Participant, OutputPlace<'_>) -> Result<(Box<dyn Any>, Option<Rc<dyn Connect>>), PortError>
-{
-}
+/// An output of any type, and the connection to be made before it is used.
+type Opened = (Box<dyn Any>, Option<Rc<dyn Connect>>);
 
 /// The ports of a session, opened when they are first used.
 #[derive(Default)]
@@ -309,7 +301,11 @@ impl Session<'_> {
         Ok(self.ports.readers.len() - 1)
     }
 
-    fn open_writer(&mut self, index: usize, open: impl OpenOutput) -> Result<usize, SessionError> {
+    fn open_writer(
+        &mut self,
+        index: usize,
+        open: impl FnOnce(&Participant, OutputPlace<'_>) -> Result<Opened, PortError>,
+    ) -> Result<usize, SessionError> {
         self.join()?;
         let plan = self.launch.plan();
         let topic: &TopicPlan = &plan.topics[index];
