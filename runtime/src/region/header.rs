@@ -172,7 +172,8 @@ impl Header {
         self.episode.store(start.index, Release);
     }
 
-    /// Begins the next episode in real time. For its one driver. Returns false, and does nothing, while the launcher has not
+    /// Begins the next episode in real time. For its one driver. Returns false, and does nothing, while the
+    /// launcher has not
     /// [noted](Self::note_episode) the present one.
     pub(crate) fn begin_next_episode(&self, seed: u64, now_ns: u64) -> bool {
         let index = self.episode.load(Relaxed);
@@ -188,8 +189,8 @@ impl Header {
         self.episode_noted.store(index, Release);
     }
 
-    /// The start of the present episode. `None` while others begin faster than they can be read: only in a damaged control
-    /// block.
+    /// The start of the present episode. `None` while others begin faster than they can be read: only in a
+    /// damaged control block.
     pub fn episode_start(&self) -> Option<EpisodeStart> {
         for _ in 0..READ_ATTEMPTS {
             let index = self.episode.load(Acquire);

@@ -83,7 +83,8 @@ impl TopicReader {
         &self.topic.layout
     }
 
-    /// Checks that this process has opened the reader: in a forked child it reads nothing, and dropping it does nothing.
+    /// Checks that this process has opened the reader: in a forked child it reads nothing, and dropping it
+    /// does nothing.
     ///
     /// # Errors
     /// Another process has opened it.

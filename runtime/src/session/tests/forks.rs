@@ -8,10 +8,11 @@ use super::episodes::{await_episode, launch};
 use crate::session::{Session, SessionError};
 use crate::state::Wrench;
 
-/// Forks a child that runs `act` and ends with the number that it returns, without running any destructor of the program.
+/// Forks a child that runs `act` and ends with the number that it returns, without running any destructor of
+/// the program.
 fn in_child(act: impl FnOnce() -> i32) -> i32 {
-    // SAFETY: the child calls nothing that waits for a lock which another thread of this program may hold: it compares, reads and
-    // drops, and ends by `_exit`.
+    // SAFETY: the child calls nothing that waits for a lock which another thread of this program may hold: it
+    // compares, reads and drops, and ends by `_exit`.
     match unsafe { libc::fork() } {
         0 => {
             let code = act();
