@@ -55,10 +55,11 @@ impl Launch {
     /// divided.
     pub(super) fn episode_reports(&self, end_ns: u64) -> Vec<EpisodeReport> {
         let driven = self.plan.episodes.is_some() || self.plan.episode_driver().is_some();
-        if self.plan.clock == ClockKind::Lockstep || (self.episodes.is_empty() && !driven) {
+        let began_ns = self.region.header().start_ns.load(Relaxed);
+        let is_divided = driven || !self.episodes.is_empty();
+        if self.plan.clock == ClockKind::Lockstep || began_ns == 0 || !is_divided {
             return Vec::new();
         }
-        let began_ns = self.region.header().start_ns.load(Relaxed);
         let first = Began { start: EpisodeStart { index: 0, seed: self.plan.seed, began_ns }, steps: 0 };
         let began: Vec<Began> = [first].into_iter().chain(self.episodes.iter().copied()).collect();
         let ends = began.iter().skip(1).map(|next| (next.start.began_ns, next.steps));
