@@ -15,7 +15,7 @@ use crate::run_folder::RunFolder;
 use crate::state::{StateBuffer, TypeLayout};
 use crate::transport::{
     Connect, Input, InputPlace, Output, OutputPlace, Participant, PortError, Probe, RawInput, RawOutput,
-    SliceInput, SliceOutput, Trigger,
+    RawStreamInput, RawStreamOutput, SliceInput, SliceOutput, Trigger,
 };
 
 /// The set-up of one component: it opens the ports and parameters that the component declared.
@@ -239,8 +239,34 @@ impl Setup {
         RawOutput::open(&self.participant, self.output_place(index, topic), plan)
     }
 
-    /// The iceoryx2 domain of the run: for components that meet programs outside of the graph in services of
-    /// their own.
+    /// Opens a declared input of a stream or of slices as bytes, of whatever type its topic is.
+    ///
+    /// # Errors
+    /// It is not declared, was declared as a state, or its topic cannot be joined.
+    pub fn raw_stream_input(&mut self, port: &str) -> Result<RawStreamInput, PortError> {
+        let (index, plan) = find(&self.component().inputs, port)?;
+        let Some(place) = self.input_place(index, plan) else {
+            return Ok(RawStreamInput::unwired(self.context().clone()));
+        };
+        let input = RawStreamInput::open(&self.participant, &place)?;
+        self.ports.extend(input.connection());
+        Ok(input)
+    }
+
+    /// Opens a declared output of a stream or of slices for bytes of its layout.
+    ///
+    /// # Errors
+    /// It is not declared, was declared as a state, its layout cannot be checked, or its topic cannot be
+    /// joined.
+    pub fn raw_stream_output(&mut self, port: &str) -> Result<RawStreamOutput, PortError> {
+        let (index, plan) = find(&self.component().outputs, port)?;
+        let Some(topic) = plan.topic else { return RawStreamOutput::unwired(plan, self.context().clone()) };
+        let output = RawStreamOutput::open(&self.participant, self.output_place(index, topic), plan)?;
+        self.ports.extend(output.connection());
+        Ok(output)
+    }
+
+    /// The iceoryx2 domain of the run: for components that meet programs outside of the graph in services of their own.
     pub fn domain(&self) -> &Domain {
         &self.domain
     }
@@ -331,6 +357,39 @@ impl Setup {
     pub fn episode_end(&self) -> Option<EpisodeEnd> {
         self.component().ends_episode.then(|| EpisodeEnd { context: self.context().clone() })
     }
+
+    /// The right to begin episodes in real time, for a component that declared
+    /// [`may_begin_episodes`](crate::declare::Declare::may_begin_episodes); `None` unless the graph says
+    /// `begins_episodes = true`.
+    pub fn episode_driver(&self) -> Option<EpisodeDriver> {
+        self.component().begins_episodes.then(|| EpisodeDriver { context: self.context().clone() })
+    }
+}
+
+/// The right of one component to begin the episodes of its graph in real time: a pedal, a button of a
+/// teleoperator, a task that counts its attempts.
+///
+/// ```
+/// use motorium::component::EpisodeDriver;
+///
+/// /// Begins an episode when a pedal is pressed. The seed is the number of times that it was.
+/// fn press(driver: &Option<EpisodeDriver>, presses: u64) -> bool {
+///     driver.as_ref().is_some_and(|driver| driver.begin(presses))
+/// }
+/// ```
+#[derive(Debug)]
+pub struct EpisodeDriver {
+    context: Rc<Context>,
+}
+
+impl EpisodeDriver {
+    /// Begins the next episode, with this seed. Every component sees it at its next step, this one too.
+    ///
+    /// Returns false, and begins nothing, while the launcher has not noted the present episode: for up to 20
+    /// ms after its start.
+    pub fn begin(&self, seed: u64) -> bool {
+        self.context.region().header().begin_next_episode(seed, crate::os::monotonic_ns())
+    }
 }
 
 /// The right of one component to end the episodes of its graph: a task is solved, or failed.
@@ -351,7 +410,7 @@ pub struct EpisodeEnd {
 }
 
 impl EpisodeEnd {
-    /// Ends the present episode when the round of this step is over.
+    /// Ends the present episode: in lockstep when the round of this step is over, in real time within 20 ms.
     pub fn end(&self) {
         self.context.region().header().end_episode();
     }

@@ -27,6 +27,9 @@ pub struct Declaration {
     /// True if it can end an episode.
     #[serde(default)]
     pub may_end_episodes: bool,
+    /// True if it can begin episodes in real time.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub may_begin_episodes: bool,
     /// True if a file descriptor can release its steps.
     #[serde(default)]
     pub wakes_on_descriptor: bool,
@@ -200,11 +203,26 @@ impl Declare {
         self.any_input(name, false, doc);
     }
 
+    /// An input that the graph must wire, to a stream of any type: every value as bytes.
+    pub fn raw_stream_input(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.any_port(name, TopicPattern::Stream { capacity }, true, doc);
+    }
+
+    /// An input that the graph must wire, to a stream of slices of any type: every slice as bytes and the
+    /// number of its elements.
+    pub fn raw_slice_input(&mut self, name: &str, capacity: usize, doc: &str) {
+        self.any_port(name, TopicPattern::Slices { capacity, longest: 0 }, true, doc);
+    }
+
     fn any_input(&mut self, name: &str, required: bool, doc: &str) {
+        self.any_port(name, TopicPattern::State, required, doc);
+    }
+
+    fn any_port(&mut self, name: &str, pattern: TopicPattern, required: bool, doc: &str) {
         self.add(PortDeclaration {
             name: name.to_string(),
             direction: Direction::Input,
-            pattern: TopicPattern::State,
+            pattern,
             layout: TypeLayout::any(),
             required,
             doc: doc.to_string(),
@@ -213,10 +231,31 @@ impl Declare {
 
     /// An output of a type that the configuration names.
     pub fn raw_output(&mut self, name: &str, layout: TypeLayout, doc: &str) {
+        self.raw_port(name, layout, TopicPattern::State, doc);
+    }
+
+    /// An output of a type that the configuration names, whose readers may read every value.
+    pub fn raw_stream_output(&mut self, name: &str, layout: TypeLayout, capacity: usize, doc: &str) {
+        self.raw_port(name, layout, TopicPattern::Stream { capacity }, doc);
+    }
+
+    /// An output of slices of up to `longest` elements of a type that the configuration names.
+    pub fn raw_slice_output(
+        &mut self,
+        name: &str,
+        layout: TypeLayout,
+        longest: usize,
+        capacity: usize,
+        doc: &str,
+    ) {
+        self.raw_port(name, layout, TopicPattern::Slices { capacity, longest }, doc);
+    }
+
+    fn raw_port(&mut self, name: &str, layout: TypeLayout, pattern: TopicPattern, doc: &str) {
         self.add(PortDeclaration {
             name: name.to_string(),
             direction: Direction::Output,
-            pattern: TopicPattern::State,
+            pattern,
             layout,
             required: false,
             doc: doc.to_string(),
@@ -235,8 +274,14 @@ impl Declare {
         self.declaration.may_end_episodes = true;
     }
 
-    /// Declares that this component has a file descriptor, such as a socket, that can release its steps in a
-    /// graph with `activate = { on = "fd", min_interval = "1 ms" }`. The descriptor is set by
+    /// This component can begin episodes in real time (`Setup::episode_driver`), in a graph that
+    /// says `begins_episodes = true`.
+    pub fn may_begin_episodes(&mut self) {
+        self.declaration.may_begin_episodes = true;
+    }
+
+    /// This component has a file descriptor, such as a socket, that can release its steps: a graph may say
+    /// `activate = { on = "fd", min_interval = "1 ms" }`. It names the descriptor by
     /// `Setup::wake_on`.
     pub fn wakes_on_descriptor(&mut self) {
         self.declaration.wakes_on_descriptor = true;

@@ -18,7 +18,7 @@ use crate::state::{Digest, TypeLayout};
 pub use expectation::{Comparison, Expectation, ExpectationError};
 pub use faults::{LivenessPlan, OnError, OnFailure, OnOverrun, RestartPlan, RestartWhen};
 pub(crate) use safety::EMERGENCY_STOP_PORT;
-pub use safety::{GateRules, LimitPolicy, ResumeRule, SafeState, SafetyPlan};
+pub use safety::{ActuatorSafety, GateRules, LimitPolicy, ResumeRule, SafeState, SafetyPlan};
 pub use topics::{LatencyPlan, OnMiss, TopicPlan};
 
 /// A graph, resolved.
@@ -53,6 +53,25 @@ pub struct Plan {
     /// Minimum number of events kept unread in the trace of each component; 0 for a run without a trace.
     #[serde(default)]
     pub trace_events: usize,
+}
+
+impl Plan {
+    /// The safety of an actuator: its own, or the graph's.
+    pub fn safety_of(&self, component: &ComponentPlan) -> ActuatorSafety {
+        component.safety.unwrap_or_else(|| self.safety.of_actuators())
+    }
+
+    /// Longest time for which an actuator stays in its safe state before it is stopped, ns: at least the
+    /// graph's.
+    pub fn settle_ns(&self) -> u64 {
+        let own = self.components.iter().filter_map(|component| Some(component.safety?.settle_ns));
+        own.fold(self.safety.settle_ns, u64::max)
+    }
+
+    /// The component that begins the episodes of a run in real time.
+    pub fn episode_driver(&self) -> Option<&ComponentPlan> {
+        self.components.iter().find(|component| component.begins_episodes)
+    }
 }
 
 /// The episodes of a run.
@@ -275,6 +294,9 @@ pub struct ComponentPlan {
     pub robots: Vec<RobotReference>,
     /// True if it applies commands to a robot.
     pub actuator: bool,
+    /// The safety of an actuator for which the graph overrides its `[safety]`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub safety: Option<ActuatorSafety>,
     /// Seed of its random numbers, derived from the run's seed and its name.
     pub seed: u64,
     /// True if it can be reset for a new episode.
@@ -283,6 +305,9 @@ pub struct ComponentPlan {
     /// `true` if it may end an episode.
     #[serde(default)]
     pub ends_episode: bool,
+    /// True if it begins the episodes of a run in real time.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub begins_episodes: bool,
     /// The consequence of a late step.
     pub on_overrun: OnOverrun,
     /// Limits on time without a step, computing time and lost steps.

@@ -127,8 +127,14 @@ impl PoseReach {
         Ok(())
     }
 
-    /// Replaces the goal of a segment from its next start. See [`redirect`](Self::redirect) for the current
-    /// segment.
+    /// Leaves the movement under way and waits for another [`start`](Self::start). The pose stays where it
+    /// is.
+    pub fn halt(&mut self) {
+        self.phase = ReachPhase::Waiting;
+    }
+
+    /// Replaces the goal of a segment from its next start. See [`redirect`](Self::redirect) for the one
+    /// that is under way.
     ///
     /// # Errors
     /// The segment does not exist, or the pose is not finite.

@@ -11,8 +11,8 @@ use crate::graph::model::{EpisodesTable, GraphTable, RestartTable};
 use crate::graph::read::{good, good_or};
 use crate::graph::values::Name;
 use crate::plan::{
-    Activation, ComponentPlan, EpisodesPlan, Expectation, LivenessPlan, ParameterPlan, Plan, PortPlan,
-    RestartPlan, SafetyPlan, TopicPlan, component_seed,
+    Activation, ActuatorSafety, ComponentPlan, EpisodesPlan, Expectation, LivenessPlan, ParameterPlan, Plan,
+    PortPlan, RestartPlan, SafetyPlan, TopicPlan, component_seed,
 };
 
 /// Everything that was resolved.
@@ -28,6 +28,8 @@ pub(super) struct Parts<'g, 'i> {
     /// Values kept for taps, by topic.
     pub histories: Vec<usize>,
     pub safety: SafetyPlan,
+    /// By component.
+    pub actuators: Vec<Option<ActuatorSafety>>,
     pub expectations: Vec<Expectation>,
     pub order: Vec<usize>,
 }
@@ -85,9 +87,11 @@ impl Parts<'_, '_> {
             robot: draft.robot.clone(),
             robots: draft.robots.clone(),
             actuator: declaration.actuator,
+            safety: self.actuators[index],
             seed: component_seed(seed, draft.name),
             resets: declaration.resets,
             ends_episode: good_or(&draft.table.ends_episode, false),
+            begins_episodes: good_or(&draft.table.begins_episodes, false),
             on_overrun: good_or(&draft.table.on_overrun, defaults::ON_OVERRUN),
             liveness: self.liveness[index],
             overruns_tolerated: good(&draft.table.overruns_tolerated).copied(),
